@@ -28,6 +28,8 @@ _LOUD, _LEAKS = 10.0, 0.7
 of what these drive."""
 _RELATED = 0.1
 """Share of a sensor's variance from which it is taken to follow what predicts it."""
+_PAIRED, _MOSTLY = 6, 0.3
+"""Columns up to which their products are looked at, and the share of a sensor's variance that one of them has to explain."""
 _RADIANS = {"rad": 1.0, "deg": np.pi / 180.0}
 """Units of angles, and of turning once `/s` is added."""
 UNRELATED = "is unrelated to every input and every other sensor"
@@ -137,8 +139,8 @@ def _filled(values: Array, unit: str) -> tuple[Array, NDArray[np.bool_]]:
     apart = np.maximum(there[after] - there[before], np.abs(rows - there[after]))
     usual = np.median(np.diff(there)) if len(there) > 1 else 1
     seen = values[there]
-    # In degrees only where the unit says so: whatever else has such numbers is no heading.
-    if unit in _RADIANS or np.ptp(seen) <= 2 * np.pi:
+    # In degrees only where the unit says so: whatever else has such numbers is no heading, nor is what has another unit.
+    if unit in _RADIANS or (not unit and np.ptp(seen) <= 2 * np.pi):
         seen = unwrapped(seen)
     return np.interp(rows, there, seen), apart <= 2 * usual
 
@@ -219,6 +221,10 @@ def _share_related(
     # While the robot turns, axes mix, and nothing that is linear in the others follows them; heat follows squares.
     for other in (*_mixed(log, others, list(columns), name), _lagged(log, others**2)):
         share = max(share, _followed((smooth, whole), _smooth(other[looked], width)))
+    # A steered robot turns by the product of its speed and of what steers: by most of it, where several are tried.
+    for a, b in combinations(others.T, 2) if others.shape[1] <= _PAIRED else ():
+        product = _followed((smooth, whole), _smooth((a * b)[looked, None], width))
+        share = max(share, product if product > _MOSTLY else share)
     return share
 
 

@@ -11,6 +11,10 @@ WAYS = ("forward", "backward")
 """What laws of either way call them."""
 
 
+PER_AXIS = "per_axis"
+"""Name of laws by which every drive axis has numbers of its own."""
+
+
 def axis_names(robot: Robot) -> tuple[str, ...]:
     """The robot's drive axes as the names of parameters count them, from 1."""
     return tuple(str(k + 1) for k in range(len(robot.drive_axes)))

@@ -94,6 +94,29 @@ def test_a_gyro_that_only_rustles_and_jumps_is_dead_on_a_car_too(seed):
     assert dead_on_a_car(time, u, outputs) == ["gyro"]
 
 
+def there_and_back(seed):
+    """A car that drives forwards and backwards and steers to either side meanwhile, at other times: its yaw rate is a product
+    alone, and jumps by more than half a turn a second."""
+    rng, time = np.random.default_rng(seed), DT * np.arange(1500)
+
+    def held(size):
+        return np.concatenate([np.full(rng.integers(15, 60), rng.uniform(-size, size)) for _ in time])[: len(time)]
+
+    drive, steer = held(10.0), held(0.4)
+    late = [1.0 - np.exp(-DT / 0.2), np.exp(-DT / 0.2)]
+    v = lfilter(late[:1], [1.0, -late[1]], drive / 5.0)
+    seen = np.stack([16.0 * v, v * np.tan(steer) / 0.3], axis=1) + rng.normal(size=(len(time), 2)) * (0.1, 0.02)
+    return time, np.stack([drive, steer], axis=1), seen
+
+
+@pytest.mark.parametrize("seed", range(16))
+def test_a_yaw_rate_that_is_a_product_of_speed_and_steering_is_not_dead(seed):
+    time, u, outputs = there_and_back(seed)
+    assert dead_on_a_car(time, u, outputs) == []
+    outputs[:, 1] = 0.3 * np.random.default_rng(100 + seed).normal(size=len(time))
+    assert dead_on_a_car(time, u, outputs) == ["gyro"]
+
+
 MOTOR = Channels(("volt",), ("speed", "temperature"), (), {"volt": "V", "speed": "rad/s", "temperature": "degC"})
 
 

@@ -12,7 +12,7 @@ from ...parameters import Parameter
 from ...robots.effect import Effect, Numbers, Scalar, Scalars, State
 from ...robots.robot import Robot
 from ..curve import Curve, falls_at_once
-from ..effect_parameters import per_speed, positive, shape, signed
+from ..effect_parameters import PER_AXIS, per_speed, positive, shape, signed
 
 _SQUARE = 2.0
 """Exponent of quadratic drag."""
@@ -105,7 +105,7 @@ class DragOfAnyPower(QuadraticDrag):
 class DragOfEach(QuadraticDrag):
     """Every speed of the body, its yaw rate among them, with a drag of its own."""
 
-    law: ClassVar[str] = "per_axis"
+    law: ClassVar[str] = PER_AXIS
     formula: ClassVar[str] = "F_i = -coefficient_i v_i |v_i|"
 
     def refusal(self, robot: Robot) -> str | None:

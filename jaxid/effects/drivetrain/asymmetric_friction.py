@@ -10,7 +10,7 @@ from ...parameters import Parameter
 from ...robots.effect import Effect, Levels, Numbers, Scalars, State
 from ...robots.robot import Robot
 from ..curve import Curve
-from ..effect_parameters import WAYS, axis_names, signed, still
+from ..effect_parameters import PER_AXIS, WAYS, axis_names, signed, still
 from .by_axis import (
     AsymmetryPerAxis,
     OneAsymmetry,
@@ -45,7 +45,7 @@ class AsymmetricFriction(OneAsymmetry):
 class AsymmetryOfEach(AsymmetryPerAxis, AsymmetricFriction):
     """Every drive axis with an asymmetry of its own: one wheel's gear, or the body's forward axis alone."""
 
-    law: ClassVar[str] = "per_axis"
+    law: ClassVar[str] = PER_AXIS
     formula: ClassVar[str] = "C_i' = C_i (1 + asymmetry_i sgn s_i)"
 
 

@@ -10,7 +10,7 @@ from ...parameters import Parameter
 from ...robots.effect import Effect, Numbers, Scalars, State
 from ...robots.robot import Robot
 from ..curve import Curve
-from ..effect_parameters import WAYS, axis_names
+from ..effect_parameters import PER_AXIS, WAYS, axis_names
 from .by_axis import (
     AsymmetryPerAxis,
     OneAsymmetry,
@@ -44,7 +44,7 @@ class AsymmetricViscousFriction(OneAsymmetry):
 class ViscousAsymmetryOfEach(AsymmetryPerAxis, AsymmetricViscousFriction):
     """Every drive axis with an asymmetry of its own."""
 
-    law: ClassVar[str] = "per_axis"
+    law: ClassVar[str] = PER_AXIS
     formula: ClassVar[str] = "B_i' = B_i (1 + asymmetry_i sgn s_i)"
 
 

@@ -7,7 +7,7 @@ from typing import ClassVar
 from ...parameters import Parameter
 from ...robots.effect import Effect, Levels, Numbers, Scalars, State
 from ...robots.robot import Robot
-from ..effect_parameters import axis_names, positive
+from ..effect_parameters import PER_AXIS, axis_names, positive
 from .by_axis import at_rims, has_one_axis, on_drive_axes
 
 
@@ -48,7 +48,7 @@ class CoulombFriction(Effect):
 class CoulombOfEachAxis(CoulombFriction):
     """Every drive axis with a level of its own."""
 
-    law: ClassVar[str] = "per_axis"
+    law: ClassVar[str] = PER_AXIS
     formula: ClassVar[str] = "C_i' = level_i"
 
     def refusal(self, robot: Robot) -> str | None:

@@ -12,7 +12,7 @@ from ...robots.effect import Effect, Levels, Numbers, Scalar, Scalars, State
 from ...robots.probe import Probe, Seen
 from ...robots.robot import Robot
 from ..curve import Curve
-from ..effect_parameters import axis_names, positive, shape
+from ..effect_parameters import PER_AXIS, axis_names, positive, shape
 from .by_axis import rubbing_more
 
 _SPEEDS = (0.02, 0.05, 0.12)
@@ -150,7 +150,7 @@ class Relative(StribeckFriction):
 class OfEachAxis(StribeckFriction):
     """Every drive axis rises by an amplitude of its own."""
 
-    law: ClassVar[str] = "per_axis"
+    law: ClassVar[str] = PER_AXIS
     formula: ClassVar[str] = "C_i' = C_i + amplitude_i * exp(-(s_i / speed)^2)"
 
     def refusal(self, robot: Robot) -> str | None:

@@ -11,7 +11,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from ...logs import LogSet
+from ...logs import Log, LogSet
 from ..result import Fit
 from .evaluation import sensitivities_at, simulated_with
 from .neglected import without_starts
@@ -29,9 +29,23 @@ def unknown_changes(logs: LogSet) -> list[NDArray[np.int64]]:
     """Of each log, the samples after which rows are missing and an input is another one when they go on."""
     found = []
     for log in logs:
-        skipped = np.diff(log.time) > _SKIPPED * log.sampling_interval
-        found.append(np.flatnonzero(skipped & np.any(np.diff(log.inputs, axis=0) != 0.0, axis=1)))
+        rows = _rows_of_inputs(log)
+        steps = np.diff(log.time[rows])
+        skipped = steps > _SKIPPED * np.median(steps) if len(steps) else np.zeros(0, bool)
+        changed = np.any(np.diff(log.inputs[rows], axis=0) != 0.0, axis=1)
+        found.append(rows[1:][skipped & changed] - 1)
     return found
+
+
+def _rows_of_inputs(log: Log) -> NDArray[np.int64]:
+    """The rows that say what the inputs are: of tables of several clocks in one, those of the sensor beside which the inputs
+    stand; all where there is none."""
+    changed = np.any(np.diff(log.inputs, axis=0) != 0.0, axis=1)
+    there = np.isfinite(log.outputs)
+    for own in there.T[np.argsort(there.sum(axis=0))]:
+        if changed.any() and own[1:][changed].all():
+            return np.flatnonzero(own)
+    return np.arange(len(log))
 
 
 def _drawn(logs: LogSet, changes: Sequence[NDArray[np.int64]], inputs: Array, rng: np.random.Generator) -> Array:

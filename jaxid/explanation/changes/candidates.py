@@ -235,8 +235,13 @@ def _of_added(robot: Robot) -> list[Candidate]:
     for effect in robot.effects:
         names = [name for name, p in effect.parameters(robot).items() if p.free and name in robot.parameters]
         if len(names) > 1:
-            found.append(_of_parameters(robot, effect.id, in_words(effect.id), names))
+            found.append(of_numbers(robot, effect.id, names))
     return found
+
+
+def of_numbers(robot: Robot, mechanism: str, names: Sequence[str]) -> Candidate:
+    """What the model has of a mechanism, these numbers of it together."""
+    return _of_parameters(robot, mechanism, in_words(mechanism), names)
 
 
 def _parameters(robot: Robot) -> list[Candidate]:
@@ -290,4 +295,14 @@ def mechanisms_of(robot: Robot) -> list[Effect]:
     return [e for e in catalogue(robot) if not isinstance(e, OwnParameter) and not e.repeats]
 
 
-__all__ = ["Candidate", "Coordinate", "Side", "both", "candidates_of", "is_only_later", "mechanisms_of", "of_mechanism"]
+__all__ = [
+    "Candidate",
+    "Coordinate",
+    "Side",
+    "both",
+    "candidates_of",
+    "is_only_later",
+    "mechanisms_of",
+    "of_mechanism",
+    "of_numbers",
+]

@@ -159,7 +159,8 @@ def _explained(
     null, colours = refit(pair, None, look.colours, look.theta), look.colours
     by_name = min([1.0, *(s.p_value * look.tried for s in look.scores)])
     # By their covariances and by what two models leave: where one parameter hides behind others, either may be far off.
-    likelier = chi_squared_tail(null.squares - _separate(pair, after, colours), len(pair.free))
+    separate = _separate(pair, after, colours)
+    likelier = chi_squared_tail(null.squares - separate, len(pair.free))
     apart = max(differ_at_all(before, after), float(likelier))
     otherwise = min(2.0 * by_name, 4.0 * apart)
     worse = follows_one_worse(pair, null.residuals, slow=otherwise >= level)
@@ -167,12 +168,14 @@ def _explained(
     trials: list[Trial] = []
     best, likeliest, equivalent, doubts, same = None, None, [], list[str](), list[Trial]()
     notes: tuple[str, ...] = (worse.noise,) if worse.noise and p >= level else ()
-    if p < level:
+    # Less than the laws of what both sets lacked may be off is no change, whatever would explain it.
+    differs = max([null.squares - separate, *(s.gain for s in look.scores)])
+    if p < level and not differs < LEFT * gained:
         trials, likeliest, null, colours = refitted(pair, look, null, held_out, report)
         best, *equivalent = simplest_first(trials, null, poor)
         equivalent += only_later(best, [t for t in trials if all(t is not own for own in (best, *equivalent))], null)
         tried = [trial.joint for trial in trials if not trial.score.own]
-        lacking = lacking_in_both(pair, look, tried, best.joint, colours) if len(lacked) <= _IN_BOTH else None
+        lacking = lacking_in_both(pair, look, tried, null, best.joint, colours) if len(lacked) <= _IN_BOTH else None
         if lacking is not None:
             said = f"{in_words(_mechanism(lacking[0]))} explains more where both sets have it than any change does"
             again = fitted_with(before, after, logs, *lacking) if len(lacked) < _IN_BOTH else None
@@ -187,8 +190,8 @@ def _explained(
     if best is not None:
         columns = _columns(before, after, logs)
         left = best.joint.squares - separate
-        # Beside what both sets lacked, how far its law is from nature's would pass for a second change.
-        alone = not doubts and not columns and not lacked
+        # Beside what both sets lacked, how far its law is from nature's would pass for a second change, unless nothing is left.
+        alone = not doubts and not columns and (not lacked or all(fit.trustworthy for fit in (before, after)))
         promising = promising_beside(look, best, colours, level) if alone and not poor else []
         if alone and (promising or _significant(left, level, len(pair.free))):
             ground = likeliest if promising and likeliest is not None else best

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from ...effects import laws_of
 from ...effects.actuator.motor_strength import OfEach
 from ...effects.curve import SHAPE
+from ...effects.effect_parameters import PER_AXIS
 from ...effects.sensor.delay import SensorDelayOfEach
 from ...effects.sensor.lag import SensorLagOfEach
 from ...robots.effect import Effect
@@ -74,10 +75,10 @@ def _of_own(pair: Pair) -> tuple[dict[Side, Array], list[Changes]]:
 
 def _another_change(law: Effect, usual: Effect) -> bool:
     """Whether a law is another thing that may happen, and not another formula of the usual one's: it acts on inputs that do not
-    drive, which the usual one leaves alone, it is of another part of a motor (driver, magnets, winding), or of one sensor of
-    several."""
-    one_sensor = type(law) in (SensorLagOfEach, SensorDelayOfEach)
-    return ("steered" in law.needs and "steered" not in usual.needs) or isinstance(law, OfEach) or one_sensor
+    drive, which the usual one leaves alone, it is of another part of a motor (driver, magnets, winding), or of one sensor or
+    one drive axis of several."""
+    one_of_them = type(law) in (SensorLagOfEach, SensorDelayOfEach) or law.law == PER_AXIS
+    return ("steered" in law.needs and "steered" not in usual.needs) or isinstance(law, OfEach) or one_of_them
 
 
 def _of_mechanisms(
