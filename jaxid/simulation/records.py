@@ -28,6 +28,8 @@ from .rollout import fine_clock, parts_of_a_sample, shares_of_a_step
 
 Array = Any
 """NumPy's, or what can be read as such."""
+Clock = tuple[Array, Array]
+"""When each row of records begins and how long it lasts [E n]."""
 _MOST_MODELS = 256
 _COMPILED = 0.008
 """Seconds that XLA takes to compile an operation, of which its program, some times as fast, is worth those that NumPy's have
@@ -210,7 +212,7 @@ class _Asked:
         self.shapes = tuple(array.shape for array in arrays)
         digest = blake2b(digest_size=16)
         for array in arrays:
-            digest.update(np.ascontiguousarray(array))
+            digest.update(array.tobytes())
         self.key = function, fixed, self.shapes, digest.digest()
 
     def __hash__(self) -> int:
@@ -242,18 +244,18 @@ def _own(link: Link, p: Float[Array, "*k P"]) -> Float[np.ndarray, "*k p"]:
     return np.asarray(p, float)[..., list(link.places)]
 
 
-def _along(links: tuple[Link, ...], stage: str, p, signals, time, dt, held) -> np.ndarray:
+def _along(links: tuple[Link, ...], stage: str, p, signals, clock: Clock, held) -> np.ndarray:
     """What all links make of records, one after another."""
     for link in links:
         code = command_map(link.robot, link.names) if link.memoryless else None
         if code is not None:
             signals = code.values(_own(link, p), signals)
         else:
-            (signals,) = _run(_values, link, stage, _own(link, p), signals, time, dt, held)
+            (signals,) = _run(_values, link, stage, _own(link, p), signals, *clock, held)
     return signals
 
 
-def _slopes_along(links: tuple[Link, ...], stage: str, p, signals, time, dt, held, dp, ds=None) -> np.ndarray:
+def _slopes_along(links: tuple[Link, ...], stage: str, p, signals, clock: Clock, held, dp, ds=None) -> np.ndarray:
     """The tangents [E n S K] of what all links make of records, from those of the parameters, [K P], and of the records."""
     K = len(dp)
     more = _filled(K) - K  # in few numbers of directions, each of which is traced
@@ -263,14 +265,14 @@ def _slopes_along(links: tuple[Link, ...], stage: str, p, signals, time, dt, hel
     for link in links:
         step = _own(link, dp)
         if ds is None and not step.any():
-            signals = _along((link,), stage, p, signals, time, dt, held)
+            signals = _along((link,), stage, p, signals, clock, held)
             continue
         code = command_map(link.robot, link.names) if link.memoryless else None
         if code is not None:
             signals, ds = code.values(_own(link, p), signals), code.slopes(_own(link, p), signals, step, ds)
         else:
             moving = () if ds is None else (ds,)
-            signals, ds = _run(_slopes, link, stage, _own(link, p), signals, time, dt, held, step, *moving)
+            signals, ds = _run(_slopes, link, stage, _own(link, p), signals, *clock, held, step, *moving)
     return np.zeros((*np.shape(signals), K)) if ds is None else ds[..., :K]
 
 
@@ -297,19 +299,19 @@ def commanded(
     or 1) as `robots.signal_path.sent` has it."""
     if records.commands is None:
         return np.asarray(inputs)[:, :, None, :]
-    signals, *clock, again = _finely(records, inputs, dt, substeps)
-    return again(_along(records.sending, "command", p, signals, *clock, held))
+    signals, clock, again = _finely(records, inputs, dt, substeps)
+    return again(_along(records.sending, "command", p, signals, clock, held))
 
 
 def _finely(records: Records, inputs: Float[Array, "E T U"], dt: Float[Array, "E T"], substeps: int):
-    """The inputs [E n U], times and steps [E n] at the pace at which effects act on commands, and what makes rows of sub-steps
+    """The inputs [E n U] and the clock at the pace at which effects act on commands, and what makes rows of sub-steps
     [E T R ...] of something of that pace."""
     E, T, U = np.shape(inputs)
     rows = records.rows(substeps)
     parts = shares_of_a_step(rows)
-    time, fine = fine_clock(np.asarray(dt, float), parts, np)
+    clock = fine_clock(np.asarray(dt, float), parts, np)
     signals = np.repeat(np.asarray(inputs, float), parts, axis=1)
-    return signals, time, fine, lambda x: np.repeat(x.reshape(E, T, parts, *x.shape[2:]), rows // parts, axis=2)
+    return signals, clock, lambda x: np.repeat(x.reshape(E, T, parts, *x.shape[2:]), rows // parts, axis=2)
 
 
 def commanded_each(
@@ -340,8 +342,8 @@ def command_slopes(
 ) -> Float[np.ndarray, "k E T R U"]:
     """Its derivatives in k directions of the parameters; with effects on commands only."""
     assert records.commands is not None
-    signals, *clock, again = _finely(records, inputs, dt, substeps)
-    return np.moveaxis(again(_slopes_along(records.sending, "command", p, signals, *clock, held, dp)), -1, 0)
+    signals, clock, again = _finely(records, inputs, dt, substeps)
+    return np.moveaxis(again(_slopes_along(records.sending, "command", p, signals, clock, held, dp)), -1, 0)
 
 
 def measured(
@@ -356,12 +358,9 @@ def measured(
     if records.measures is None:
         return np.asarray(y)
     parts = np.shape(y)[1] // np.shape(dt)[1]
-    return _along(records.sensing, "measure", p, np.asarray(y), *_clock_of_parts(dt, parts), held)[:, ::parts]
-
-
-def _clock_of_parts(dt: Float[Array, "E T"], parts: int) -> tuple[np.ndarray, np.ndarray]:
-    """When outputs are, of which there are `parts` a sample, and how long each lasts."""
-    return fine_clock(np.asarray(dt, float), parts, np)
+    return _along(records.sensing, "measure", p, np.asarray(y), fine_clock(np.asarray(dt, float), parts, np), held)[
+        :, ::parts
+    ]
 
 
 def measured_each(
@@ -390,5 +389,5 @@ def measured_slopes(
     if records.measures is None:
         return np.asarray(dy)
     parts = np.shape(y)[1] // np.shape(dt)[1]
-    clock = _clock_of_parts(dt, parts)
-    return _slopes_along(records.sensing, "measure", p, np.asarray(y), *clock, held, dp, np.asarray(dy))[:, ::parts]
+    clock = fine_clock(np.asarray(dt, float), parts, np)
+    return _slopes_along(records.sensing, "measure", p, np.asarray(y), clock, held, dp, np.asarray(dy))[:, ::parts]

@@ -126,8 +126,9 @@ def shares_of_a_step(substeps: int) -> int:
     return parts if 2 * parts > _MOST_SHARES else substeps
 
 
-def fine_clock(dt: Float[Array, "*E T"], parts: int, numpy: Any = jnp):
-    """When the `parts` of every sample begin, from 0, and how long they last [*E, T * parts]; `numpy`: JAX's or NumPy."""
+def fine_clock(dt: Any, parts: int, numpy: Any = jnp) -> tuple[Any, Any]:
+    """When the `parts` of every sample begin, from 0, and how long each lasts [*E, T * parts], of samples of `dt` [*E, T];
+    `numpy`: JAX's or NumPy."""
     fine = numpy.repeat(dt / parts, parts, axis=-1)
     time = numpy.concatenate([numpy.zeros_like(dt[..., :1]), numpy.cumsum(dt, axis=-1)[..., :-1]], axis=-1)
     within = numpy.tile(numpy.arange(parts), dt.shape[-1])

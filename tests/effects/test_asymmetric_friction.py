@@ -103,3 +103,12 @@ def test_an_asymmetry_is_less_than_all_of_the_friction():
         effect = effect_by_id(DifferentialDrive(), identifier)
         (asymmetry,) = effect.parameters(DifferentialDrive()).values()
         assert (asymmetry.lower, asymmetry.upper) == (-1.0, 1.0)
+
+
+def test_friction_that_all_but_vanishes_one_way_is_a_push_and_no_gear_s():
+    robot = DifferentialDrive()
+    law = effect_by_id(robot, "asymmetric_friction", "per_axis")
+    model = robot + law
+    assert law.doubt(model.with_values(**{law.key("asymmetry_1"): 0.4, law.key("asymmetry_2"): -0.6})) == ""
+    doubt = law.doubt(model.with_values(**{law.key("asymmetry_1"): 0.4, law.key("asymmetry_2"): -0.97}))
+    assert doubt.startswith("dry friction that is 3 % of the usual one way and 197 % the other")

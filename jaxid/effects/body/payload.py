@@ -67,6 +67,15 @@ class _Load(Effect):
     def rates(self, state: State, currents: Scalars, p: Numbers, robot: Robot) -> State:
         return {self.own("time_under_way"): 1.0}
 
+    def doubt(self, robot: Robot) -> str:
+        """What no robot can lose: all of its own mass."""
+        name, table = loaded(self, robot)[0], robot.parameters
+        own, load = table[name].value, table[self.key("mass")].value
+        if own + load > 0.0:
+            return ""
+        unit = f" {table[name].unit}".rstrip()
+        return f"of a robot of {name} {own:.3g}{unit} no load of {load:.3g}{unit} is left"
+
 
 @dataclass(frozen=True)
 class LoadInSomeLogs(InSomeLogs, _Load):

@@ -23,6 +23,9 @@ from .by_axis import (
     shares,
 )
 
+_ALL_BUT_NONE = 0.9
+"""Asymmetry from which a gear would hardly rub one way."""
+
 
 @dataclass(frozen=True)
 class AsymmetricFriction(OneAsymmetry):
@@ -34,6 +37,17 @@ class AsymmetricFriction(OneAsymmetry):
     where: ClassVar[str] = "drivetrain"
     formula: ClassVar[str] = "C' = C (1 + asymmetry sgn s)"
     needs: ClassVar[tuple[str, ...]] = ("drive_axes",)
+
+    def doubt(self, robot: Robot) -> str:
+        """No gear rubs one way alone: where friction all but vanishes the other way, it stands for a push."""
+        most = max(map(abs, self.asymmetries(robot, robot.parameters.numbers)), default=0.0)
+        if most < _ALL_BUT_NONE:
+            return ""
+        little, much = (f"{100.0 * (1.0 + sign * most):.0f} %" for sign in (-1.0, 1.0))
+        return (
+            f"dry friction that is {little} of the usual one way and {much} the other is none of a gear's; a force that pushes "
+            "the robot one way looks so while it moves"
+        )
 
     def dry(self, levels: Levels, speeds: Scalars, state: State, p: Numbers, robot: Robot) -> Levels:
         return on_drive_axes(

@@ -164,9 +164,16 @@ def simplest_first(trials: list[Trial], null: Joint, poor: bool) -> list[Trial]:
     for trial in near:
         simpler = (own for own in kept if len(own.joint.delta) < len(trial.joint.delta))
         simpler = (own for own in simpler if own.score.candidate.stands_for != trial.score.candidate.ids)
+        simpler = (own for own in simpler if not _usual_beside(own.score.candidate, trial.score.candidate))
         if not any(_says_the_same(own, trial) for own in simpler):
             kept.append(trial)
     return kept
+
+
+def _usual_beside(unusual: Candidate, usual: Candidate) -> bool:
+    """Whether the second is a usual change of other parameters of the robot than the first, which is none."""
+    apart = unusual.own and usual.own and not set(unusual.own) & set(usual.own)
+    return bool(apart) and usual.is_usual and not unusual.is_usual
 
 
 def with_a_number_more(best: Trial, others: Sequence[Trial]) -> list[Trial]:

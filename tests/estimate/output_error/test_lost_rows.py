@@ -5,6 +5,7 @@ import pytest
 from scipy.signal import lfilter
 
 from jaxid import Axis, Log, LogSet, output_error
+from jaxid.estimate.output_error.lost_rows import unknown_changes
 
 SAMPLES, DT, NOISE = 400, 0.05, 0.05
 ROBOT = Axis().with_values(M=1.0, Fv=1.0, Fc=0.0, offset=0.0).change("Fc", free=False).change("offset", free=False)
@@ -40,3 +41,22 @@ def test_rows_that_miss_no_change_of_an_input_are_no_news(rows):
     fit = output_error(ROBOT, without(rows))
     assert not any("Rows are missing" in note for note in fit.notes)
     assert all(abs(fit[name].value - 1.0) < 4 * fit[name].std_error for name in ("M", "Fv"))
+
+
+def of_two_clocks(gone=()):
+    """Speeds and inputs at 20 Hz without the rows `gone`, a yaw rate at 80 Hz from 3 ms on, in one table of both clocks."""
+    first, second = 0.05 * np.setdiff1d(np.arange(100), gone), 0.003 + 0.0125 * np.arange(400)
+    time, order = np.unique(np.concatenate([first, second]), return_index=True)
+    own = order < len(first)
+    row = np.maximum(np.searchsorted(first, time, side="right") - 1, 0)
+    u = np.random.default_rng(3).uniform(-1.0, 1.0, (100, 2))[np.round(first / 0.05).astype(int)][row]
+    v = np.where(own, 0.1, np.nan)
+    return LogSet([Log.from_arrays("run", time, u, {"v": v, "w": np.where(own, np.nan, 0.2)}, "differential")])
+
+
+def test_the_clocks_of_two_sensors_in_one_table_are_no_missing_rows():
+    (none,) = unknown_changes(of_two_clocks())
+    assert len(none) == 0
+    logs = of_two_clocks(gone=[30, 31, 60])
+    (there,) = unknown_changes(logs)
+    np.testing.assert_allclose(logs[0].time[there + 1], [1.6, 3.05])

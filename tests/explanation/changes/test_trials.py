@@ -8,11 +8,12 @@ from jaxid.explanation.changes.candidates import Candidate, Coordinate, both
 from jaxid.explanation.changes.trials import each_once, simplest_first
 
 
-def trial(name, squares, count, seed, usual=False, as_well_as=""):
+def trial(name, squares, count, seed, usual=False, as_well_as="", of=()):
     residual = np.random.default_rng(seed).normal(size=(2000, 1))
     residual *= np.sqrt(squares / np.sum(residual**2))
     joint = SimpleNamespace(squares=squares, delta=np.zeros(count))
-    score = SimpleNamespace(candidate=Candidate(name, name, (), None, usual=usual, as_well_as=as_well_as))
+    coordinates = tuple(Coordinate(own, "", 1.0, own) for own in of)
+    score = SimpleNamespace(candidate=Candidate(name, name, coordinates, None, usual=usual, as_well_as=as_well_as))
     return SimpleNamespace(name=name, joint=joint, total=squares, compared=[residual], score=score)
 
 
@@ -39,6 +40,16 @@ def test_a_load_stands_beside_what_may_be_taken_for_some_loads():
     wheels, load = trial("wheels", 900.0, 1, 1, as_well_as="load"), trial("load", 899.0, 2, 1, usual=True)
     more = trial("load off centre", 898.5, 4, 1)
     assert [t.name for t in simplest_first([wheels, load, more], null, False)] == ["wheels", "load"]
+
+
+def test_a_load_stands_beside_what_is_no_usual_change_and_happens_to_do_the_same():
+    """A load of the very proportion that heavier wheels make; but one number of a load is no more by both of its numbers."""
+    null = SimpleNamespace(squares=2000.0)
+    load = trial("load", 899.0, 2, 1, usual=True, of=("M", "J"))
+    wheels, mass = trial("wheels", 900.0, 1, 1, of=("Iw",)), trial("mass", 900.0, 1, 1, of=("M",))
+    other = trial("where it lies", 898.5, 2, 1, of=("xc", "yc"))
+    assert [t.name for t in simplest_first([wheels, load, other], null, False)] == ["wheels", "load"]
+    assert [t.name for t in simplest_first([mass, load], null, False)] == ["mass"]
 
 
 def test_what_stands_for_another_does_so_beside_a_third_and_within_bounds():
