@@ -34,12 +34,12 @@ _MOST_MODELS = 256
 _COMPILED = 0.008
 """Seconds that XLA takes to compile an operation, of which its program, some times as fast, is worth those that NumPy's have
 run (`kernel.in_numpy`)."""
-_KEPT, _SMALL = 64, 100_000
-"""Results that are kept, of so many numbers at most."""
+_KEPT, _SMALL = 64, 50_000
+"""Results that are kept, of so many numbers at most that they are made from."""
 _TRIED = 3
 """Samples of the record on which it is seen which parameters an effect reads."""
 _DIRECTIONS = 4
-"""Derivatives in more directions than these are computed in so many at a time, so that few numbers of them occur."""
+"""To multiples of this directions of derivatives are filled up, but for one or two, so that few numbers of them are traced."""
 
 
 class Link(NamedTuple):

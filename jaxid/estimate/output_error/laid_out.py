@@ -154,7 +154,7 @@ def shown(d: Direct, theta: Float[Array, "*E n"], y: Float[Array, "G n Y L"]) ->
 
 
 def weighted_residual(y: Float[Array, "G T Y L"], measured: Array, weight: Array) -> Float[Array, "G T Y L"]:
-    residual = np.subtract(y, measured, out=y)
+    residual = np.subtract(y, measured, out=y if y.flags.writeable else None)  # what is kept of records is not
     residual *= weight
     # A simulation that is not finite is no matter where nothing was measured.
     return residual if np.isfinite(residual).all() else np.where(weight > 0.0, residual, 0.0)
