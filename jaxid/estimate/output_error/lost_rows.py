@@ -21,6 +21,8 @@ Array = NDArray[np.float64]
 
 _SKIPPED = 1.5
 """Interval, in units of the usual one, from which rows are missing (as in the pre-flight check)."""
+_EVEN, _MOSTLY = 0.2, 0.7
+"""Share of the usual interval within which others are as long, and share of all that are on an even clock."""
 _DRAWS = 12
 _SEED = 0
 
@@ -38,11 +40,12 @@ def unknown_changes(logs: LogSet) -> list[NDArray[np.int64]]:
 
 
 def _rows_of_inputs(log: Log) -> NDArray[np.int64]:
-    """The rows that say what the inputs are: of tables of several clocks in one, those of the sensor beside which the inputs
-    stand; all where there is none."""
+    """The rows that say what the inputs are: of tables of several clocks in one, whose rows are no even clock, those of the
+    sensor beside which the inputs stand; else all."""
     changed = np.any(np.diff(log.inputs, axis=0) != 0.0, axis=1)
+    near = np.abs(np.diff(log.time) / log.sampling_interval - 1.0) < _EVEN
     there = np.isfinite(log.outputs)
-    for own in there.T[np.argsort(there.sum(axis=0))]:
+    for own in there.T[np.argsort(there.sum(axis=0))] if np.mean(near) < _MOSTLY else ():
         if changed.any() and own[1:][changed].all():
             return np.flatnonzero(own)
     return np.arange(len(log))

@@ -60,3 +60,13 @@ def test_the_clocks_of_two_sensors_in_one_table_are_no_missing_rows():
     logs = of_two_clocks(gone=[30, 31, 60])
     (there,) = unknown_changes(logs)
     np.testing.assert_allclose(logs[0].time[there + 1], [1.6, 3.05])
+
+
+def test_a_sensor_that_misses_samples_is_no_other_clock():
+    u = np.repeat(np.random.default_rng(5).uniform(-1.0, 1.0, (10, 2)), 20, axis=0)
+    v = np.full(200, 0.1)
+    v[19::20] = np.nan  # before every change of the inputs
+    (none,) = unknown_changes(
+        LogSet([Log.from_arrays("run", DT * np.arange(200), u, {"v": v, "w": 0.2 * u[:, 0]}, "differential")])
+    )
+    assert len(none) == 0
