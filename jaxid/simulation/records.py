@@ -186,7 +186,7 @@ class _Runs:
     """A function of arrays of given shapes, and how long it has been run: what runs long is worth compiling."""
 
     def __init__(self, function: Callable[..., Any], fixed: tuple[Any, ...], shapes: tuple[tuple[int, ...], ...]):
-        self.function, self.fixed, self.left = function, fixed, 0.0
+        self.function, self.fixed, self.left = function, fixed, -1.0
         try:
             arrays = (jax.ShapeDtypeStruct(shape, float) for shape in shapes)
             self.steps = in_numpy(partial(function, *fixed), *arrays)
@@ -195,7 +195,7 @@ class _Runs:
             pass
 
     def __call__(self, *arrays: np.ndarray) -> list[np.ndarray]:
-        if self.left <= 0.0:
+        if self.left < 0.0:
             return [np.asarray(found) for found in _in_xla[self.function](*self.fixed, *arrays)]
         self.left -= self.steps.seconds
         return self.steps(*arrays)
@@ -225,6 +225,8 @@ class _Asked:
 @lru_cache(_KEPT)
 def _found_once(asked: _Asked) -> list[np.ndarray]:
     found = _runs(asked.function, asked.fixed, asked.shapes)(*asked.arrays)
+    # An effect may pass on what it was given, which is its caller's own.
+    found = [np.array(x) if any(np.may_share_memory(x, own) for own in asked.arrays) else x for x in found]
     for array in found:
         array.flags.writeable = False
     del asked.arrays

@@ -1,5 +1,8 @@
 """Effects on whole records, in NumPy and in XLA."""
 
+from dataclasses import dataclass
+from typing import ClassVar
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -28,6 +31,35 @@ def test_what_computes_much_on_one_shape_is_compiled_and_stays_the_same():
     np.testing.assert_allclose(
         last[:, 3:, :, 0], np.repeat(inputs[:, :-3], 2, axis=2), atol=1e-12
     )  # three samples later
+
+
+@dataclass(frozen=True)
+class PassedOn(jaxid.effects.Effect):
+    """A sensor that reports what it is given."""
+
+    id: ClassVar[str] = "passed_on"
+
+    def measure(self, outputs, time, p):
+        return outputs
+
+
+def test_what_was_asked_before_is_kept_and_nobody_s_own_is_touched(monkeypatch):
+    robot = (jaxid.Axis() + jaxid.effects.effect_by_id(jaxid.Axis(), "input_delay") + PassedOn()).structure
+    own = records.records_of(robot, ("input_delay.delay",))
+    rng, dt, count = np.random.default_rng(6), np.full((2, 30), 0.01), []
+    once = records._Runs.__call__
+    monkeypatch.setattr(records._Runs, "__call__", lambda self, *arrays: count.append(1) or once(self, *arrays))
+    inputs, outputs = rng.normal(size=(2, 30, 1)), rng.normal(size=(2, 30, len(robot.channels.measured)))
+    with float64():
+        first, again = (records.commanded(own, [0.02], inputs, dt, 2, np.zeros(2)) for _ in range(2))
+        assert len(count) == 1 and np.array_equal(first, again)
+        other, moved = records.commanded(own, [0.03], inputs, dt, 2, np.zeros(2)), inputs + 1.0
+        assert len(count) == 2 and not np.array_equal(first, other)
+        assert not np.array_equal(first, records.commanded(own, [0.02], moved, dt, 2, np.zeros(2)))
+        shown = records.measured(own, [0.02], outputs, dt, np.zeros(2))
+        before = outputs.copy()
+        outputs += 1.0  # the caller's own, which may still be written to
+        assert np.array_equal(shown, before)
 
 
 _OTHERS = [pytest.param(substeps, marks=pytest.mark.slow) for substeps in (6, 83)]
