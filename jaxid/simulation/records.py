@@ -8,8 +8,7 @@ over all samples, is a small program of XLA's.
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
-from functools import lru_cache, partial
-from hashlib import blake2b
+from functools import lru_cache
 from itertools import groupby
 from typing import Any, NamedTuple
 
@@ -17,9 +16,7 @@ import jax
 import numpy as np
 from jaxtyping import Float
 
-from .._compile import compiled
-from ..kernel.in_numpy import in_numpy
-from ..kernel.symbolic import Untranslated
+from ..kernel.in_numpy_or_xla import in_numpy_or_xla
 from ..robots.effect import Effect
 from ..robots.robot import Robot
 from ..robots.signal_path import STAGES, overrides, passed, sent
@@ -31,11 +28,6 @@ Array = Any
 Clock = tuple[Array, Array]
 """When each row of records begins and how long it lasts [E n]."""
 _MOST_MODELS = 256
-_COMPILED = 0.008
-"""Seconds that XLA takes to compile an operation, of which its program, some times as fast, is worth those that NumPy's have
-run (`kernel.in_numpy`)."""
-_KEPT, _SMALL = 64, 50_000
-"""Results that are kept, of so many numbers at most that they are made from."""
 _TRIED = 3
 """Samples of the record on which it is seen which parameters an effect reads."""
 _DIRECTIONS = 4
@@ -179,67 +171,10 @@ def _slopes(robot: Robot, names: tuple[str, ...], stage: str, q, signals, time, 
     return jax.vmap(moved, (0, *(-1 for _ in ds)), (None, -1))(dq, *ds)
 
 
-_in_xla = {function: compiled(function, static_argnums=(0, 1, 2)) for function in (_values, _slopes)}
-
-
-class _Runs:
-    """A function of arrays of given shapes, and how long it has been run: what runs long is worth compiling."""
-
-    def __init__(self, function: Callable[..., Any], fixed: tuple[Any, ...], shapes: tuple[tuple[int, ...], ...]):
-        self.function, self.fixed, self.left = function, fixed, -1.0
-        try:
-            arrays = (jax.ShapeDtypeStruct(shape, float) for shape in shapes)
-            self.steps = in_numpy(partial(function, *fixed), *arrays)
-            self.left = _COMPILED * len(self.steps.steps)
-        except Untranslated:
-            pass
-
-    def __call__(self, *arrays: np.ndarray) -> list[np.ndarray]:
-        if self.left < 0.0:
-            return [np.asarray(found) for found in _in_xla[self.function](*self.fixed, *arrays)]
-        self.left -= self.steps.seconds
-        return self.steps(*arrays)
-
-
-_runs = lru_cache(_MOST_MODELS)(_Runs)
-
-
-class _Asked:
-    """What is to be computed of arrays; the same where their bits are."""
-
-    def __init__(self, function: Callable[..., Any], fixed: tuple[Any, ...], arrays: list[np.ndarray]):
-        self.function, self.fixed, self.arrays = function, fixed, arrays
-        self.shapes = tuple(array.shape for array in arrays)
-        digest = blake2b(digest_size=16)
-        for array in arrays:
-            digest.update(array.tobytes())
-        self.key = function, fixed, self.shapes, digest.digest()
-
-    def __hash__(self) -> int:
-        return hash(self.key)
-
-    def __eq__(self, other: Any) -> bool:
-        return self.key == other.key
-
-
-@lru_cache(_KEPT)
-def _found_once(asked: _Asked) -> list[np.ndarray]:
-    found = _runs(asked.function, asked.fixed, asked.shapes)(*asked.arrays)
-    # An effect may pass on what it was given, which is its caller's own.
-    found = [np.array(x) if any(np.may_share_memory(x, own) for own in asked.arrays) else x for x in found]
-    for array in found:
-        array.flags.writeable = False
-    del asked.arrays
-    return found
-
-
 def _run(function: Callable[..., Any], link: Link, stage: str, *records: Any) -> list[np.ndarray]:
     """`function` of arrays, by the effects of the link. Searches ask for what several effects make of the same records again
     and again: where only what follows has moved, and where a step that was tried is taken."""
-    arrays, fixed = [np.asarray(record, float) for record in records], (link.robot, link.names, stage)
-    if sum(array.size for array in arrays) <= _SMALL:
-        return _found_once(_Asked(function, fixed, arrays))
-    return _runs(function, fixed, tuple(array.shape for array in arrays))(*arrays)
+    return in_numpy_or_xla(function, (link.robot, link.names, stage), [np.asarray(record, float) for record in records])
 
 
 def _own(link: Link, p: Float[Array, "*k P"]) -> Float[np.ndarray, "*k p"]:

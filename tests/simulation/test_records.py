@@ -10,6 +10,7 @@ import pytest
 
 import jaxid
 from jaxid._float64 import float64
+from jaxid.kernel import in_numpy_or_xla
 from jaxid.robots.signal_path import overrides
 from jaxid.simulation import records
 from jaxid.simulation.command_map import command_map
@@ -25,7 +26,7 @@ def test_what_computes_much_on_one_shape_is_compiled_and_stays_the_same():
         first = records.commanded(own, [0.03], inputs, dt, 2, np.zeros(len(dt)))
         for _ in range(100):
             last = records.commanded(own, [0.03], inputs, dt, 2, np.zeros(len(dt)))
-    program = records._in_xla[records._values]
+    program = in_numpy_or_xla.in_xla(records._values, 3)
     assert program._outer._cache_size() >= 1
     np.testing.assert_allclose(last, first, rtol=0, atol=1e-13)
     np.testing.assert_allclose(
@@ -47,8 +48,8 @@ def test_what_was_asked_before_is_kept_and_nobody_s_own_is_touched(monkeypatch):
     robot = (jaxid.Axis() + jaxid.effects.effect_by_id(jaxid.Axis(), "input_delay") + PassedOn()).structure
     own = records.records_of(robot, ("input_delay.delay",))
     rng, dt, count = np.random.default_rng(6), np.full((2, 30), 0.01), []
-    once = records._Runs.__call__
-    monkeypatch.setattr(records._Runs, "__call__", lambda self, *arrays: count.append(1) or once(self, *arrays))
+    once = in_numpy_or_xla._Runs.__call__
+    monkeypatch.setattr(in_numpy_or_xla._Runs, "__call__", lambda self, *arrays: count.append(1) or once(self, *arrays))
     inputs, outputs = rng.normal(size=(2, 30, 1)), rng.normal(size=(2, 30, len(robot.channels.measured)))
     with float64():
         first, again = (records.commanded(own, [0.02], inputs, dt, 2, np.zeros(2)) for _ in range(2))
