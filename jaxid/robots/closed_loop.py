@@ -176,6 +176,10 @@ class ClosedLoop(Robot):
     def wheel_radius(self) -> str:  # type: ignore[override]
         return self.plant.wheel_radius
 
+    @property
+    def wheel_inertia(self) -> str:  # type: ignore[override]
+        return self.plant.wheel_inertia
+
     def with_larger_wheels(self, numbers: Mapping[str, float], share: float) -> dict[str, float]:
         return self.plant.with_larger_wheels(numbers, share)
 

@@ -108,6 +108,8 @@ class Robot:
     wheel_radius: ClassVar[str] = ""
     """The parameter that is the radius which `wheel_radius_mismatch` makes larger on the first of `wheel_sides` and smaller on
     the second."""
+    wheel_inertia: ClassVar[str] = ""
+    """The parameter that is the inertia of each wheel with all that turns with it, the motor's rotor by the gear squared."""
     wheel_sides: ClassVar[tuple[str, str]] = ("right wheel", "left wheel")
     wheel_radii: ClassVar[tuple[str, ...]] = ()
     """Parameters by which fraction each wheel's radius is another than `wheel_radius`, of a robot of three wheels or more."""

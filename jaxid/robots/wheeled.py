@@ -59,6 +59,7 @@ class Wheeled(Robot):
     in_plane: ClassVar[bool] = True
     friction_unit: ClassVar[str] = "N m"
     wheel_radius: ClassVar[str] = "r"
+    wheel_inertia: ClassVar[str] = "Iw"
     wheel_sides: ClassVar[tuple[str, str]] = ("wheels on the right", "wheels on the left")
 
     def __post_init__(self) -> None:

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from jaxid import Axis, Integrator, Log, LogSet, Omni, Pioneer, output_error
+from jaxid import Axis, Integrator, Log, LogSet, Omni, Pioneer, Wheel, Wheeled, output_error
 from jaxid.effects import effect_by_id, laws_of
 from jaxid.simulation.simulate import simulate
 from reference.gear_play import DAMPING, STIFFNESS, speeds
@@ -95,3 +95,33 @@ def test_each_drive_can_have_its_own_play():
         f"backlash.impulse_u{k}" for k in range(1, 5)
     ]
     assert [law.law for law in laws_of(AXIS, "backlash")] == ["gear_play", "motor_behind_play", "command"]
+
+
+@pytest.mark.parametrize("said", [True, False])
+def test_the_rotor_in_a_table_s_wheel_inertia_does_not_count_twice(said):
+    """Straight ahead a wheel carries half the robot: the two masses of `reference/gear_play.py` at the rim. A table whose wheel
+    inertia is 0 says nothing of the rotor, so that none is taken off."""
+    r, motor, wheel, mass, width = 0.05, 4e-3, 5e-4, 3.0, 0.1
+    at_rim = {"Fv": 0.02 / r**2, "gain": 0.1 / r, "back_emf": 2.0}
+    u = np.repeat(np.random.default_rng(7).uniform(-12.0, 12.0, N // 12), 12)
+    far = at_rim | {"M": 0.5 * mass + (wheel if said else 0.0) / r**2}
+    v = speeds(far, width * r, motor / r**2, u, DT)
+    wheels = Wheel("right", (0.0, -0.1)), Wheel("left", (0.0, 0.1))
+    robot = Wheeled(wheels=wheels, motors=False).with_values(
+        r=r, M=mass, J=0.02, Iw=motor + wheel if said else 0.0, viscous=0.02, coulomb=0.0, gain=0.1, back_emf=2.0 * r
+    )
+    effect = effect_by_id(robot, "backlash", "motor_behind_play")
+    numbers = {
+        "width": width,
+        "inertia": motor,
+        "ring": np.sqrt(motor / (STIFFNESS * r**2)),
+        "damping": DAMPING / (2.0 * np.sqrt(STIFFNESS * motor / r**2)),
+    }
+    robot = (robot + effect).with_values(**{effect.key(name): value for name, value in numbers.items()})
+    outputs = np.stack([v, np.zeros(N)], axis=1)
+    log = Log.from_arrays("one", DT * np.arange(N), np.stack([u, u], axis=1), outputs, robot)
+    (found,) = simulate(robot, LogSet([log]), integrator=Integrator(32))
+    plain = speeds(far | {"M": far["M"] + motor / r**2}, width * r, motor / r**2, u, DT)
+    apart = np.sqrt(np.mean((plain - v) ** 2))
+    assert apart > 0.02
+    assert np.sqrt(np.mean((found[:, 0] - v) ** 2)) < 0.15 * apart

@@ -132,8 +132,8 @@ class MotorBehindPlay(Effect):
     """A motor with an inertia of its own, which runs through the play and meets teeth that give: two masses and a spring.
 
     The states of a drive are where the motor is ahead of its wheel, from the middle of the play, and how fast it turns. The
-    mass of a robot of one drive stays that of both sides together, where the robot says which parameter it is; any other
-    inertia is that beyond the play.
+    inertia of a wheel with what turns with it, and the mass of a robot of one drive, stay those of both sides together, where
+    the robot says which parameters they are; any other inertia is that beyond the play.
     """
 
     id: ClassVar[str] = "backlash"
@@ -141,8 +141,8 @@ class MotorBehindPlay(Effect):
     where: ClassVar[str] = "drivetrain"
     formula: ClassVar[str] = (
         "inertia * dw/dt = torque(w) - torque', dq/dt = w - wheel's speed, torque' = inertia ((|q| - width / 2) sign(q) / "
-        "ring^2 + 2 damping dq/dt / ring) where |q| > width / 2, else 0, pushing only; the robot's own inertia is that beyond "
-        "the play, the mass of one with one drive that of both sides"
+        "ring^2 + 2 damping dq/dt / ring) where |q| > width / 2, else 0, pushing only; an inertia of a wheel with its rotor, and the "
+        "mass of a robot of one drive, are those of both sides, any other that beyond the play"
     )
     finer: ClassVar[float] = 2.0
 
@@ -202,10 +202,13 @@ class MotorBehindPlay(Effect):
         return tuple(state[name] - w for name, w in zip(self._speeds(robot), turning, strict=True))
 
     def numbers(self, p: Numbers, state: State, robot: Robot) -> Numbers:
-        mechanism = robot.mechanisms.get("payload_change", ())
+        near, mechanism = self._there(p) * p[self.key("inertia")], robot.mechanisms.get("payload_change", ())
+        if robot.wheel_inertia in p:
+            # A table that says nothing of what turns with a wheel holds 0, and the motor's comes on top.
+            return {**p, robot.wheel_inertia: jnp.maximum(p[robot.wheel_inertia] - near, 0.0)}
         if len(robot.drive_inputs) != 1 or not mechanism:
             return p
-        return {**p, mechanism[0]: p[mechanism[0]] - self._there(p) * p[self.key("inertia")]}
+        return {**p, mechanism[0]: p[mechanism[0]] - near}
 
     def torque(self, torques: Scalars, state: State, p: Numbers, robot: Robot) -> Scalars:
         there, drives = self._there(p), zip(self._places(robot), self._ahead(state, p, robot), strict=True)
