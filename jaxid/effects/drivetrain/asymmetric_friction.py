@@ -89,9 +89,33 @@ class DryBetweenAxes(Effect):
         return differences(self, robot)
 
     def dry(self, levels: Levels, speeds: Scalars, state: State, p: Numbers, robot: Robot) -> Levels:
-        return on_drive_axes(
-            robot, levels, shares(self, robot, p), lambda level, share: (level[0] * share, level[1] * share)
-        )
+        return _apart(self, levels, p, robot)
+
+
+def _apart(effect: Effect, levels: Levels, p: Numbers, robot: Robot) -> Levels:
+    """`levels` with the `differences` of the effect."""
+    return on_drive_axes(
+        robot, levels, shares(effect, robot, p), lambda level, share: (level[0] * share, level[1] * share)
+    )
+
+
+@dataclass(frozen=True)
+class DryOfEach(AsymmetryOfEach):
+    """Every drive axis with a level of its own either way."""
+
+    law: ClassVar[str] = "per_axis_and_between"
+    formula: ClassVar[str] = (
+        "C_i' = C_i (1 + difference_i) (1 + asymmetry_i sgn s_i), the differences adding up to zero"
+    )
+
+    def refusal(self, robot: Robot) -> str | None:
+        return DryBetweenAxes().refusal(robot)
+
+    def parameters(self, robot: Robot) -> dict[str, Parameter]:
+        return differences(self, robot) | super().parameters(robot)
+
+    def dry(self, levels: Levels, speeds: Scalars, state: State, p: Numbers, robot: Robot) -> Levels:
+        return super().dry(_apart(self, levels, p, robot), speeds, state, p, robot)
 
 
 @dataclass(frozen=True)
@@ -163,6 +187,7 @@ LAWS: tuple[Effect, ...] = (
     AsymmetricFriction(),
     AsymmetryOfEach(),
     DryBetweenAxes(),
+    DryOfEach(),
     AsymmetryOfTheBody(),
     DryAsymmetryCurve(),
 )

@@ -141,8 +141,8 @@ class MotorBehindPlay(Effect):
     where: ClassVar[str] = "drivetrain"
     formula: ClassVar[str] = (
         "inertia * dw/dt = torque(w) - torque', dq/dt = w - wheel's speed, torque' = inertia ((|q| - width / 2) sign(q) / "
-        "ring^2 + 2 damping dq/dt / ring) where |q| > width / 2, else 0, pushing only; an inertia of a wheel with its rotor, and "
-        "the mass of a robot of one drive, are those of both sides, any other that beyond the play"
+        "ring^2 + 2 damping dq/dt / ring) where |q| > width / 2, else 0, pushing only; an inertia of a wheel with its rotor "
+        "and the mass of a robot of one drive, are those of both sides, any other that beyond the play"
     )
     finer: ClassVar[float] = 2.0
 
