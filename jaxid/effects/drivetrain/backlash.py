@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from itertools import product
 from typing import ClassVar
 
+import jax
 import jax.numpy as jnp
 
 from ...kernel.recurrence import clipped
@@ -162,7 +163,7 @@ class MotorBehindPlay(Effect):
 
     def parameters(self, robot: Robot) -> dict[str, Parameter]:
         scales, angle = robot.scales, robot.angle_unit
-        rate = scales.speed / (robot.metre or 1.0)
+        rate = _turning(robot)
         width, inertia = 0.05 * rate * scales.time, 0.05 * scales.torque * scales.time / rate
         found = positive(self, "width", angle, width)
         found |= shape(self, "inertia", f"{robot.torque_unit} s^2/{angle}", inertia)
@@ -226,6 +227,14 @@ class MotorBehindPlay(Effect):
             found[place] = ahead
             found[speed] = (t - slope * ahead - self._passed(state[place], ahead, p)) / p[self.key("inertia")]
         return found
+
+
+def _turning(robot: Robot) -> float:
+    """How fast the drives turn when the robot moves at its usual speed, in the unit of their angles."""
+    speed, p = robot.scales.speed, robot.parameters.numbers
+    moving = dict.fromkeys(robot.states, 0.0) | {robot.velocities[0]: speed}
+    with jax.ensure_compile_time_eval():
+        return max((abs(float(rate)) for rate in robot.angle_rates(moving, p)), default=0.0) or speed
 
 
 def _falls_with_speed(robot: Robot, p: Numbers) -> Scalars:
