@@ -17,6 +17,7 @@ from ..lacking import FALSE_ALARM
 from ..nothing_moved import where_nothing_moved
 from ..result import Fit
 from ..slow_sensors import no_larger_than_left
+from .bound_conflict import bound_conflicts
 from .by_prediction import related_by_prediction
 from .counted_speeds import counted_speeds
 from .evaluation import simulated
@@ -175,8 +176,11 @@ def conclude(
     alone = one_way(fit, whole[0] if whole else logs)
     counted = "" if judgement.trustworthy or whole is not None else counted_speeds(fit, logs)
     fit = replace(fit, notes=(*fit.notes, *filter(None, (unknown, alone, counted))))
+    past = bound_conflicts(fit, structure, problem, inner) if judgement.verdict != "failed" else {}
+    for sentence in past.values():
+        judgement = judgement.doubted(sentence) if judgement.trustworthy else judgement.also(sentence)
     if begun is not None:
-        fit, judgement = with_search(fit, judgement, begun)
+        fit, judgement = with_search(fit, judgement, begun, past)
     white = dict(zip(structure.names, np.sqrt(np.maximum(np.diag(known), 0.0)).tolist(), strict=True))
     return judged(fit, where_nothing_moved(fit, judgement, whole[0] if whole else logs), white)
 

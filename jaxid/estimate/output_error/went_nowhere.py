@@ -5,7 +5,7 @@ simulation, and the optimiser ends where it began; a parameter on its bound want
 may start from the optimum, friction may be zero), so both are only worth a sentence where the fit is to be doubted.
 """
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import replace
 
 from ..judgement import Judgement
@@ -15,8 +15,11 @@ _MOVED = 1e-6
 """Change of a parameter, in units of itself, below which it has not moved."""
 
 
-def with_search(fit: Fit, judgement: Judgement, start: Mapping[str, float]) -> tuple[Fit, Judgement]:
-    """The fit from `start` and its judgement, with what became of a search that led to more than noise."""
+def with_search(
+    fit: Fit, judgement: Judgement, start: Mapping[str, float], said: Collection[str] = ()
+) -> tuple[Fit, Judgement]:
+    """The fit from `start` and its judgement, with what became of a search that led to more than noise. Of the bounds of what
+    is in `said` the judgement speaks already."""
     if judgement.trustworthy:
         return fit, judgement
     names = fit.free_names
@@ -28,7 +31,7 @@ def with_search(fit: Fit, judgement: Judgement, start: Mapping[str, float]) -> t
             "start values."
         )
         fit = replace(fit, converged=False, reason="the search never left its start")
-    bounded = [f"{n} ({fit[n].value:.3g})" for n in names if fit[n].status == "at_bound"]
+    bounded = [f"{n} ({fit[n].value:.3g})" for n in names if fit[n].status == "at_bound" and n not in said]
     if bounded:
         judgement = judgement.also(f"The search ended on the bound of {', '.join(bounded)}.")
     return fit, judgement
