@@ -164,7 +164,7 @@ class MotorBehindPlay(Effect):
     def parameters(self, robot: Robot) -> dict[str, Parameter]:
         scales, angle = robot.scales, robot.angle_unit
         rate = _turning(robot)
-        width, inertia = 0.05 * rate * scales.time, 0.05 * scales.torque * scales.time / rate
+        width, inertia = 0.05 * rate * scales.time, self._of_a_wheel(robot) or 0.05 * scales.torque * scales.time / rate
         found = positive(self, "width", angle, width)
         found |= shape(self, "inertia", f"{robot.torque_unit} s^2/{angle}", inertia)
         found |= shape(self, "ring", "s", 2.0 * scales.interval)
@@ -175,7 +175,8 @@ class MotorBehindPlay(Effect):
     def probes(self, robot: Robot, seen: Seen) -> tuple[Probe, ...]:
         width, inertia, ring = (self.key(name) for name in ("width", "inertia", "ring"))
         typical = robot.parameters[width].typical or 1.0
-        tried = list(product((0.4, 1.6), (1.0, 4.0), (0.25, 1.0)))
+        light_and_heavy = (0.5, 1.6) if self._of_a_wheel(robot) else (1.0, 4.0)
+        tried = list(product((0.4, 1.6), light_and_heavy, (0.25, 1.0)))
         return tuple(
             Probe(
                 {width: typical * wide},
@@ -184,6 +185,11 @@ class MotorBehindPlay(Effect):
             )
             for wide, heavy, soft in tried
         )
+
+    def _of_a_wheel(self, robot: Robot) -> float:
+        """Half the inertia of what turns with a wheel, of which the motor's is a part; zero where no table says it."""
+        named = robot.wheel_inertia in robot.parameters
+        return 0.5 * robot.parameters[robot.wheel_inertia].value if named else 0.0
 
     def _there(self, p: Numbers) -> Scalar:
         """0 without a play, which passes on the torque as it is, 1 with any that counts."""

@@ -30,6 +30,7 @@ from .robust_loss import Robust, minimise_robustly
 from .rounded_readings import beyond_rounding
 from .setup import Starts
 from .step_check import with_steps_checked
+from .whole_turns import without_whole_turns
 from .windows import Unless, condensed
 
 _ROUNDS = 3
@@ -57,6 +58,9 @@ def fitted(
     problem, optimum, left_out = first_minimum(fit, options, unless)
     if len(diverging(optimum)) > len(left_out):
         return _from_own_values(fit, options, start)
+    nearer = without_whole_turns(fit.robot, fit.structure, problem, optimum, fit.values)
+    if nearer is not None:
+        optimum = options.minimise(fit.structure, problem, nearer)
     problem, optimum, iterations = _settled(fit.structure, problem, optimum, options)
     if _overflows(optimum):
         raise ParameterError(

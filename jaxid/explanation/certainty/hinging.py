@@ -95,7 +95,7 @@ def by_law(effect: NamedEffect, step: Step) -> dict[str, Robot]:
         return trial.law in effect.laws_alike or (trial.law != SHAPE and trial.fitted.normalised_rms < most)
 
     laws = (t for t in step.laws if t.law != effect.law and t.free <= step.after.free and not t.angles and near(t))
-    return {f"it is {effect.title} by the law {in_words(t.law)}": t.robot for t in laws}
+    return {f"it is {effect.title} by {_law_in_words(t.law)}": t.robot for t in laws}
 
 
 def by_name(effect: NamedEffect, step: Step) -> dict[str, Robot]:
@@ -136,3 +136,7 @@ def _ids(robot: Robot) -> set[str]:
 def _own(names: Iterable[str]) -> set[str]:
     """Those that are the robot's own and not an effect's, of which the final fit may have a finer curve."""
     return {name for name in names if "." not in name}
+
+
+def _law_in_words(law: str) -> str:
+    return f"the law {in_words(law)}" if law else "its plain law"
