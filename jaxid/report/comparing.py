@@ -211,25 +211,26 @@ def compare(
         simulated = {label: _on_the_outputs_clock(named[label], held_out, y, False) for label, y in simulated.items()}
     for outputs in simulated.values():
         noise = no_larger_than_left(held_out, outputs, noise)
-    for label, f in named.items():
-        predicted[label] = agreement(held_out, simulated[label], noise)
-        if windows:
-            continue
-        start = starts[label]
-        far = [np.concatenate([*own.values()]) / noise[c] for c, own in predicted[label].residuals.items() if own]
-        sentence = prediction_sentence(f, predicted[label].normalised_rms, held_out, noise, fit, start, far)
-        said += [f"{tab.title_of(label)}: {sentence}"] if sentence else []
-    ahead = {
-        label: {k: agreement(held_out, predict(f, held_out, k), noise) for k in HORIZONS}
-        for label, f in named.items()
-        if f.disturbance is not None
-    }
     if fit is not None:
         level = noise_scale(fit)
         again = on_fitted(named, fit, level)
         for outputs in again.values():
             level = no_larger_than_left(fit, outputs, level)
         fitted = {label: agreement(fit, seen, level) for label, seen in again.items()}
+    for label, f in named.items():
+        predicted[label] = agreement(held_out, simulated[label], noise)
+        if windows:
+            continue
+        start = starts[label]
+        far = [np.concatenate([*own.values()]) / noise[c] for c, own in predicted[label].residuals.items() if own]
+        seen = fitted[label].normalised_rms if label in fitted else 1.0
+        sentence = prediction_sentence(f, predicted[label].normalised_rms, held_out, noise, fit, start, far, seen)
+        said += [f"{tab.title_of(label)}: {sentence}"] if sentence else []
+    ahead = {
+        label: {k: agreement(held_out, predict(f, held_out, k), noise) for k in HORIZONS}
+        for label, f in named.items()
+        if f.disturbance is not None
+    }
     references = {name: float(value) for name, value in truth.items()} if truth is not None else _published(fits)
     for found in reversed(fits) if references else ():
         fixed = {n: v for n, v in found.robot.parameters.numbers.items() if n not in found.free_names}

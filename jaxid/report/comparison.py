@@ -60,6 +60,16 @@ class Comparison:
         return self.predicted
 
     @property
+    def tested(self) -> dict[str, Agreement]:
+        """By method what is asked whether it leaves nothing but noise: a free simulation, of a fit with process noise what its
+        filter predicts one sample ahead, since disturbances stay in every free simulation."""
+        ahead = {label: min(own.items())[1] for label, own in self.ahead.items()}
+        return {
+            f"{label}_one_sample_ahead" if label in ahead else label: ahead.get(label, found)
+            for label, found in self.predicted.items()
+        }
+
+    @property
     def channels(self) -> tuple[str, ...]:
         """The measured channels that the models are judged by."""
         return tuple(next(iter(self.predicted.values())).fit_percent)
@@ -222,7 +232,7 @@ class Comparison:
             tab.log_table(self.predicted),
             *([tab.ahead_table(self.ahead, self.predicted)] if self.ahead else []),
             *tab.parameter_tables(estimates, self.references, self.reference, self._doubtful),
-            tab.test_table(self.predicted),
+            tab.test_table(self.tested),
         )
 
     def __repr__(self) -> str:

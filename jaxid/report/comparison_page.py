@@ -251,7 +251,7 @@ def comparison_page(found: Comparison, kind: str = "comparison") -> Page:
     sections = (
         Section("Parameters", (Tabled(parameter_table(found.fits, names, found.references, found.reference)),)),
         Section("How well it predicts", (*_charts(found), *after)),
-        Section("What is left", (Tabled(tab.test_table(found.predicted, last.robot.words)),)),
+        Section("What is left", (Tabled(tab.test_table(found.tested, last.robot.words)),)),
     )
     robot = last.robot.name
     return Page(

@@ -77,11 +77,12 @@ def prediction_sentence(
     fitted: LogSet | None = None,
     start: Mapping[str, NDArray[np.float64]] | None = None,
     residuals: Sequence[NDArray[np.float64]] = (),
+    seen: float = 1.0,
 ) -> str:
     """What the `error` of `fit` on the held-out logs `held_out` (in units of the `noise`) says of it; empty where it is about
     the noise, or the fit is doubted already. `fitted`: the logs that were fitted; `residuals` [samples] of each channel there,
-    in units of the noise."""
-    if not error > _WORTH_A_WORD or not fit.trustworthy:
+    in units of the noise; `seen`: the error of a free simulation of the fitted logs, in units of theirs."""
+    if not error > _WORTH_A_WORD * max(seen, 1.0) or not fit.trustworthy:
         return ""
     usual = max((usual_size(own) for own in residuals), default=np.inf)
     if usual < _WORTH_A_WORD:

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from jaxid import Axis, Log, LogSet, compare, output_error
+from jaxid import Axis, Log, LogSet, compare, output_error, prediction_error
 
 ROBOT = Axis().with_values(M=1.0, Fv=2.0, Fc=0.5, offset=0.0).change("offset", free=False).change("Fc", free=False)
 
@@ -48,3 +48,29 @@ def test_a_few_samples_that_are_far_off_are_no_robot_that_has_changed(axis_log):
     (text,) = [note for note in compare(fit, held_out=spiked, fit=fitted).notes if "held-out logs" in note]
     assert "A few samples make the error" in text and "explain" not in text
     assert float(text.partition("misses by ")[2].split()[0]) < 1.2
+
+
+def disturbed(seed, M=1.0, q=0.08, n=300, dt=0.02, fine=20):
+    """M v' = u - Fv v - Fc sgn v with disturbances of the motion, by Euler and Maruyama."""
+    rng, h, v, speeds = np.random.default_rng(seed), dt / fine, 0.0, []
+    u = levels(seed, 4, n)
+    for force in u:
+        speeds.append(v)
+        for _ in range(fine):
+            v += h * (force - 2.0 * v) / M + q * np.sqrt(h) * rng.normal()
+            v = np.sign(v) * max(abs(v) - h * 0.5 / M, 0.0)
+    measured = np.array(speeds) + 0.01 * rng.normal(size=n)
+    return LogSet([Log.from_arrays(f"log {seed}", dt * np.arange(n), u[:, None], measured, "axis")])
+
+
+@pytest.mark.slow
+def test_what_a_free_simulation_of_the_fitted_logs_misses_as_much_is_no_news():
+    """A disturbed motion wanders off every free simulation; prediction error knows that, and its parameters are right."""
+    fitted, held_out = disturbed(5), disturbed(6)
+    fit = prediction_error(ROBOT, fitted)
+    found = compare(fit, held_out=held_out, fit=fitted)
+    assert fit.trustworthy and found.predicted[fit.method].normalised_rms > 1.5
+    assert said(fit, held_out, fitted) == ""
+    # One sample ahead nothing but noise is left, as of a free simulation it is not.
+    (ahead,) = found.tested.values()
+    assert not ahead.tests["v"].whiteness.rejected and found.predicted[fit.method].tests["v"].whiteness.rejected
