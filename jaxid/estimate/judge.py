@@ -46,8 +46,8 @@ _WORSE = 1.02
 FOLLOWS = 0.002
 """p value below which a residual follows the motion. Against slow noise the test rejects a few times too often."""
 LOST = (
-    "Where a free simulation loses its way, short windows with initial states of their own (multiple shooting), the closed "
-    "loop, or prediction error can follow."
+    "Check the columns first, in every log: signs, units, which is which. Where they are right and a free simulation loses its "
+    "way, short windows with initial states of their own (multiple shooting), the closed loop, or prediction error can follow."
 )
 """What helps where a free simulation does not follow the logs."""
 _NO_NOISE = (

@@ -164,7 +164,9 @@ class MotorBehindPlay(Effect):
     def parameters(self, robot: Robot) -> dict[str, Parameter]:
         scales, angle = robot.scales, robot.angle_unit
         rate = _turning(robot)
-        width, inertia = 0.05 * rate * scales.time, self._of_a_wheel(robot) or 0.05 * scales.torque * scales.time / rate
+        # What is crossed within a sample hardly shows, however quick the robot is.
+        width = rate * max(0.05 * scales.time, scales.interval)
+        inertia = self._of_a_wheel(robot) or 0.05 * scales.torque * scales.time / rate
         found = positive(self, "width", angle, width)
         found |= shape(self, "inertia", f"{robot.torque_unit} s^2/{angle}", inertia)
         found |= shape(self, "ring", "s", 2.0 * scales.interval)
