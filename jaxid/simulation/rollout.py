@@ -6,6 +6,7 @@ starts) come from `jax.vmap` around it.
 """
 
 import math
+import operator
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import partial, reduce
@@ -42,6 +43,17 @@ class Integrator:
 
     substeps: int = 4
     friction: DryFriction = Sticking()
+
+    def __post_init__(self) -> None:
+        try:
+            whole = operator.index(self.substeps) >= 1
+        except TypeError:
+            whole = False
+        if not whole:
+            raise ParameterError(
+                f"substeps = {self.substeps!r} is no number of steps; give in how many an interval between two samples is "
+                "divided, such as 4"
+            )
 
     @staticmethod
     def suited(robot: Robot, sampling_interval: float, friction: DryFriction | None = None) -> "Integrator":

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from jaxid import Axis, Integrator, Pioneer, Sticking
+from jaxid import Axis, Integrator, ParameterError, Pioneer, Sticking
 from jaxid.simulation.rollout import rollout
 from reference.logs import simulate as exact_run
 from reference.pioneer import PIONEER
@@ -153,3 +153,9 @@ def test_twelve_steps_a_sample_follow_motions_that_die_out_within_one(axis_law, 
     found = simulated(robot, inputs[:, None], np.full(400, 0.02), steps)[:, 0]
     assert steps.substeps <= 12 and (exact == 0.0).sum() > 5
     assert np.sqrt(np.mean((found - exact) ** 2)) < 3e-5 * np.sqrt(np.mean(exact**2))
+
+
+@pytest.mark.parametrize("steps", [0.001, 0, -2, 2.0, None])
+def test_what_is_no_number_of_steps_is_said(steps):
+    with pytest.raises(ParameterError, match="is no number of steps"):
+        Integrator(steps)

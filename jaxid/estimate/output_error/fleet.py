@@ -203,6 +203,11 @@ def check_fleet(
     empty = [name for name, logs in fleet.items() if not len(logs)]
     if empty:
         raise LogError(f"{empty[0]} has no logs; give it some or leave it out.")
+    if isinstance(robot, Mapping) and set(robot) != set(fleet):
+        without, unknown = sorted(set(fleet) - set(robot)), sorted(set(robot) - set(fleet))
+        which = [f"no robot is given for {', '.join(without)}"] * bool(without)
+        which += [f"there are no logs of {', '.join(unknown)}"] * bool(unknown)
+        raise ParameterError(f"{' and '.join(which)}; give one robot by the name of every member, or one for all")
     for name in fleet:
         own = of_member(name, robot, fleet)
         every_start(own, of_member(name, start, fleet))

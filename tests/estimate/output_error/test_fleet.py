@@ -148,3 +148,6 @@ def test_errors_name_what_is_missing(fleet):
         fit_fleet(ROBOT, {})
     with pytest.raises(ParameterError, match="no parameter 'mass'"):
         fit_fleet(ROBOT, fleet, start={"mass": 1.0})
+    one, *others = fleet
+    with pytest.raises(ParameterError, match=f"no robot is given for .*{others[0]}.* there are no logs of other"):
+        fit_fleet({one: ROBOT, "other": ROBOT}, fleet)
