@@ -4,6 +4,7 @@ import re
 import subprocess
 import sys
 import time
+from dataclasses import replace
 
 import numpy as np
 import pandas as pd
@@ -11,7 +12,9 @@ import pytest
 
 from jaxid import Axis, output_error, read_logs
 from jaxid.cli import fleet as command
-from jaxid.cli.fleet_work import with_findings
+from jaxid.cli.findings import in_short
+from jaxid.cli.fleet_work import why_doubted, with_findings
+from jaxid.logs.finding import Finding
 from tests.recordings import Ros, ns
 
 MASSES = {"a": 1.0, "b": 2.0, "c": 4.0}
@@ -194,11 +197,12 @@ def test_a_member_whose_held_out_logs_cannot_be_read_is_fitted_and_says_why_it_i
     (tmp_path / "robots/a/check.csv").write_text("t,u\n0,1\n0.1,1\n")
     (tmp_path / "robots/a/cut.csv").write_text("")
     out = tmp_path / "out"
-    status, _, remarks = jaxid(
+    status, said, remarks = jaxid(
         "fleet", "axis", tmp_path / "robots", "--model", without_dry_friction, "--windows", "none", "--explain",
         "--held-out", "check*", "--out", out,
     )  # fmt: skip
     assert status == 0, remarks
+    assert "a: no explanation: No held-out log can be used" in " ".join(said.split())
     members = pd.read_parquet(out / "members.parquet").set_index("member")
     assert members.failure["a"] == "" and "cut.csv" in members.notes["a"] and "check.csv" in members.notes["a"]
     why = pd.read_parquet(out / "explanations.parquet").set_index("member").failure["a"]
@@ -216,6 +220,25 @@ def test_what_is_wrong_with_a_held_out_log_is_said_too(tmp_path):
     fit = output_error(Axis(), run)
     (said,) = [note for note in with_findings(fit, run, check, ()).notes if "opposite sign" in note]
     assert "check" in said and with_findings(fit, run, run, ()).notes == fit.notes
+
+
+def test_a_doubted_member_says_why_once_and_what_to_do(tmp_path):
+    """Of speeds that are differences of counts, the fleet's table advised `--loss cauchy` and never the mapping that helps,
+    beside a line for every column of every log."""
+    axis_log(tmp_path / "run.csv", 1.0, 1)
+    run = read_logs(tmp_path / "run.csv", "axis")
+    fit = output_error(Axis(), run)
+    found = [
+        Finding(f"run{k}.csv", column, None, "warning", "coarse", f"run{k}.csv, column {column!r}: is coarse.")
+        for k in range(2)
+        for column in ("u", "v")
+    ]
+    remarks = in_short([*found, Finding("run0.csv", "v", None, "error", "sign_flipped", "has the opposite sign.")])
+    assert len(remarks) == 2 and remarks[0].count("is coarse") == 1 and remarks[0].endswith("(3 more such.)")
+    assert fit.trustworthy and "--map" not in why_doubted(replace(fit, notes=("Try --map.",)), remarks)
+    doubted = replace(fit, judgement=fit.judgement.doubted("It lacks something."), notes=("Try --map.",))
+    why = why_doubted(doubted, remarks)
+    assert all(part in why for part in (*remarks, "It lacks something.", "Try --map."))
 
 
 def test_a_member_far_from_the_others_is_pointed_out(jaxid, without_dry_friction, tmp_path):

@@ -1,6 +1,9 @@
 """What pre-flight finds, one line each."""
 
+from collections.abc import Iterable
+
 from ..logs import LogSet
+from ..logs.finding import Finding
 from ..logs.useless import useless
 from ..robots.robot import Robot
 from .arguments import UnusableInput
@@ -23,6 +26,15 @@ def warn_of_findings(*sets: LogSet | None) -> None:
         if others:
             of = f"column {column!r} of " if column else ""
             say(f"  likewise {of}{', '.join(others)}", style=_STYLE[severity])
+
+
+def in_short(findings: Iterable[Finding]) -> list[str]:
+    """A sentence on the first finding of each check, and how many there are."""
+    kinds: dict[tuple[str, str], list[str]] = {}
+    for found in findings:
+        kinds.setdefault((found.severity, found.check), []).append(str(found))
+    counted = ((first, len(set(others))) for first, *others in kinds.values())
+    return [f"{first} ({more} more such.)" if more else first for first, more in counted]
 
 
 def warn_of_unused(robot: Robot, *sets: LogSet | None) -> None:

@@ -94,7 +94,11 @@ def sentences(tables: Mapping[str, Columns], far: Sequence[FarMember]) -> list[s
         said.append(f"Sound, with something to look at in the logs: {', '.join(remarked[:_SHOWN])}{more}.")
     if "explanations" in tables:
         every = (tables["explanations"][name] for name in ("member", *_EXPLAINED))
-        said += summary(list(zip(*every, strict=True)))
+        every = list(zip(*every, strict=True))
+        said += summary(every)
+        # Why a member has no fit stands with the fits.
+        without = [f"{name}: no explanation: {why}" for name, *_, why in every if why and why not in failure]
+        said += without[:_SHOWN]
     return said
 
 

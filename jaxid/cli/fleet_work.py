@@ -22,12 +22,13 @@ from ..explanation.explain import explain
 from ..explanation.explanation import Explanation
 from ..explanation.fleet import unforeseen
 from ..logs import LogError, LogSet, LogWarning, read_logs
+from ..logs.finding import Finding
 from ..parameters import ParameterError
-from ..report.fleet_files import Row, member_row, remarks_on_logs
+from ..report.fleet_files import Row, member_row
 from ..robots import Robot
 from .arguments import UnusableInput
 from .cache import keep_compiled_programs
-from .findings import refuse_useless
+from .findings import in_short, refuse_useless
 from .fit import identifiable
 
 _SHOWN = 10
@@ -99,8 +100,10 @@ def worked(members: Sequence[Member], work: Work, report: Report | None = None) 
             unexplained = left_out[name][-1]  # why no held-out log is left
         # What was found to be missing biases every number of the model without it.
         fit = found.final if found is not None else fit
-        fit = with_findings(with_units_doubted(fit, own), own, apart, left_out[name])
-        rows.append(member_row(name, own, fit, why=_why(fit), explanation=found, unexplained=unexplained))
+        fit = with_units_doubted(fit, own)
+        why = why_doubted(fit, [*left_out[name], *in_short(findings(own, apart))])
+        fit = with_findings(fit, own, apart, left_out[name])
+        rows.append(member_row(name, own, fit, why=why, explanation=found, unexplained=unexplained))
     return rows
 
 
@@ -165,19 +168,25 @@ def _explained(fit: Fit, logs: LogSet, held_out: LogSet, work: Work) -> tuple[Ex
         return None, unforeseen(error)
 
 
+def findings(*sets: LogSet | None) -> Iterator[Finding]:
+    """What pre-flight finds wrong with logs, or doubts."""
+    every = (finding for own in sets if own is not None for finding in own.preflight())
+    return (finding for finding in every if finding.severity in ("error", "warning"))
+
+
 def with_findings(fit: Fit, logs: LogSet, held_out: LogSet | None, left_out: Sequence[str]) -> Fit:
     """The fit with what was left out and what pre-flight says of its logs, held-out ones too, among its notes, such as a
     wrong sign."""
-    every = (finding for own in (logs, held_out) if own is not None for finding in own.preflight())
-    found = [*left_out, *(str(finding) for finding in every if finding.severity in ("error", "warning"))]
+    found = [*left_out, *map(str, findings(logs, held_out))]
     return replace(fit, notes=(*fit.notes, *dict.fromkeys(found)))
 
 
-def _why(fit: Fit) -> str:
-    """Why a fit is doubted: what pre-flight says of its logs, which may be the reason, then its judgement."""
-    found = remarks_on_logs(fit.notes)
-    said = [fit.judgement.sentence] if fit.judgement is not None else []
-    return " ".join([*found, *said])
+def why_doubted(fit: Fit, remarks: Sequence[str]) -> str:
+    """Why a fit is doubted: what is said of its logs, which may be the reason, then its judgement, and what else it notes, such
+    as a remedy."""
+    judged = [fit.judgement.sentence] if fit.judgement is not None else []
+    said = [*remarks, *judged, *(() if fit.trustworthy else fit.notes)]
+    return " ".join(dict.fromkeys(said))
 
 
 def _sources() -> Iterator[Path]:

@@ -41,10 +41,13 @@ def bound_conflicts(fit: Fit, structure: Structure, problem: Problem, optimum: O
         estimate, unit = fit[names[i]], f" {fit[names[i]].unit}" if fit[names[i]].unit else ""
         if not abs(step[i]) > _BEYOND * errors[i] > 0.0:
             continue
+        says = f"without it say about {estimate.value + step[i]:.5g} ± {errors[i]:.2g}{unit}"
+        remedy = "Move the bound, or look for what is missing."
+        if estimate.value == 0.0:  # no negative friction, mass or time is anything
+            remedy = "Look for what is missing."
         sentences[names[i]] = (
-            f"The bound of {names[i]} ({estimate.value:.6g}{unit}) contradicts the logs, which without it say about "
-            f"{estimate.value + step[i]:.5g} ± {errors[i]:.2g}{unit}: it or the model is wrong, and what is estimated beside "
-            "it makes up for that. Move the bound, or look for what is missing."
+            f"The bound of {names[i]} ({estimate.value:.6g}{unit}) contradicts the logs, which {says}: it or the model is "
+            f"wrong, and what is estimated beside it makes up for that. {remedy}"
         )
     return sentences
 
