@@ -99,9 +99,10 @@ def diverging(logs: LogSet, simulated: Sequence[Array], noise: Mapping[str, floa
 
 
 def rms(values: Array) -> float:
-    """Root mean square of the values that are not NaN; NaN if there is none."""
+    """Root mean square of the values that are not NaN, infinite where a square is; NaN if there is none."""
     values = values[~np.isnan(values)]
-    return float(np.sqrt(np.mean(values**2))) if values.size else float("nan")
+    with np.errstate(over="ignore"):
+        return float(np.sqrt(np.mean(values**2))) if values.size else float("nan")
 
 
 def agreement(logs: LogSet, simulated: Sequence[Array], noise: Mapping[str, float]) -> Agreement:

@@ -20,6 +20,8 @@ from .agreement import errors_of, rms
 _DRAWS, _SEED = 24, 0
 _WORTH_A_WORD = 1.5
 """Held-out error, in units of the noise, from which it is asked whether the uncertainty explains it."""
+_FAR_OFF = 20.0
+"""The same from which a column of another sign or unit is a likelier cause than another floor or load."""
 _BEYOND = 0.2
 """Share of the fitted logs' range by which a held-out signal must leave it to be named."""
 
@@ -104,4 +106,5 @@ def prediction_sentence(
         f"It misses the held-out logs by {error:.3g} times the noise, and its standard errors explain {expected:.3g} at most: "
         "these logs show something that the fitted ones do not, so that its parameters or the model do not hold here"
         + (f" ({farther})." if farther else ".")
+        + (" Check their columns first: signs, units, which is which." if error > _FAR_OFF else "")
     )

@@ -33,7 +33,10 @@ def test_a_robot_that_has_changed_is_beyond_what_standard_errors_explain(axis_lo
     fitted = LogSet([axis_log("light", levels(3, 4), noise=0.01, seed=3, position=False)])
     fit = output_error(ROBOT, fitted)
     laden = LogSet([axis_log("laden", levels(4, 4), noise=0.01, seed=4, position=False, M=1.5)])
-    assert "standard errors explain" in said(fit, laden, fitted)
+    assert "standard errors explain" in said(fit, laden, fitted) and "columns" not in said(fit, laden, fitted)
+    clean = axis_log("turned", levels(4, 4), noise=0.01, seed=4, position=False)
+    turned = LogSet([Log.from_arrays("turned", clean.time, clean.inputs, -clean.output("v"), "axis")])
+    assert "Check their columns first" in said(fit, turned, fitted)
     same = LogSet([axis_log("same", levels(4, 4), noise=0.01, seed=4, position=False)])
     assert said(fit, same, fitted) == ""
 
