@@ -28,6 +28,8 @@ class Judgement:
     - `biased`: parameters that noise in the regressors of a linear fit moves by more than half their standard error, with
       how many standard errors it is.
     - `follows`: channels whose residual follows the motion, with what it follows most of all.
+    - `marked`: how likely chance is to leave the mark of a force that the residual bears, and by how many standard errors the
+      force would move a parameter; (1, 0) without one.
     """
 
     verdict: Verdict
@@ -38,6 +40,7 @@ class Judgement:
     better: str = ""
     biased: Mapping[str, float] = field(default_factory=dict)
     follows: Mapping[str, str] = field(default_factory=dict)
+    marked: tuple[float, float] = (1.0, 0.0)
 
     @property
     def sentence(self) -> str:

@@ -113,9 +113,13 @@ class Neglected(NamedTuple):
         known = np.isfinite(errors) & (errors > 0)
         return np.where(known, np.abs(self.shift) / np.where(known, errors, 1.0), 0.0)
 
+    def moves(self, fit: Fit) -> float:
+        """By how many of its standard errors it would move the parameter of `fit` that it moves most."""
+        return float(self._moves(fit).max())
+
     def worth_a_note(self, fit: Fit) -> bool:
         """Whether this, which may be chance, would change what `fit` says of a parameter."""
-        return bool(self._moves(fit).max() > _MATTERS)
+        return self.moves(fit) > _MATTERS
 
     def sentence(self, fit: Fit) -> str:
         """What that means for the parameters of `fit`."""

@@ -169,7 +169,8 @@ def conclude(
         there, at = bounded.problem, optimum.unknowns
         lacking = neglected(fit.robot, logs, structure, there, at, white=bool(judgement.white), error=integration)
         if lacking is not None and lacking.p_value < FALSE_ALARM:
-            judgement = judgement.doubted(lacking.sentence(fit))
+            marked = lacking.p_value, lacking.moves(fit)
+            judgement = replace(judgement.doubted(lacking.sentence(fit)), marked=marked)
         elif lacking is not None and lacking.worth_a_note(fit):
             fit = replace(fit, notes=(*fit.notes, f"{lacking.sentence(fit)} {LOOK_FURTHER}"))
     unknown = lost_rows(fit, logs, structure, bounded.problem, optimum.unknowns)

@@ -7,6 +7,7 @@ missing, and whether what ranked first is believed.
 from collections.abc import Sequence
 from dataclasses import replace
 
+from ...estimate.judgement import Judgement
 from ...estimate.result import Fit
 from ...logs import LogSet, noise_scale
 from ...robots.effect import Effect
@@ -39,6 +40,14 @@ from .two_formulas import by_two_formulas
 from .worth import could_matter
 
 MOST_EFFECTS = 3
+_SURE, _MUCH = 1e-9, 5.0
+"""Probability of chance below which the mark of a force in what a fit leaves is none, and standard errors by which it moves a
+parameter that count."""
+
+
+def _beyond_chance(judgement: Judgement) -> bool:
+    chance, moved = judgement.marked
+    return chance < _SURE and moved > _MUCH
 
 
 def search(
@@ -61,6 +70,9 @@ def search(
     # The held-out logs may be too few to show it.
     if fit.judgement is not None and fit.judgement.follows:
         state = replace(state, but_fitted=True)
+    if fit.judgement is not None and _beyond_chance(fit.judgement) and state.p_value < state.false_alarm:
+        # Little as it changes what is predicted, it is what the parameters are wrong by.
+        state = replace(state, but_fitted=True, negligible=0.0)
     if state.adequate:
         return Search(passed, passed, None, (), ())
     report(f"held-out error {state.normalised_rms:.3f} x noise; fitting again with the held-out logs' noise")
@@ -68,7 +80,7 @@ def search(
     start = {name: fit.robot.parameters[name].value for name in fit.free_names}
     baseline = refit(fit.robot, [start], logs, held_out, noise, fit.initial_states)
     if passed.adequate:
-        baseline = baseline.leaving(replace(baseline.held_out, but_fitted=True))
+        baseline = baseline.leaving(replace(baseline.held_out, but_fitted=True, negligible=state.negligible))
     current = baseline
     begun = begun_at(fit)
     looked_at: tuple[Candidate, ...] = ()
