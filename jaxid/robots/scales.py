@@ -74,6 +74,12 @@ class Scales:
         first, last = 0.5 * self.interval, max(0.4 * self.time, 4.0 * self.interval)
         return first, float(np.sqrt(first * last)), last
 
+    @property
+    def ramps_to_try(self) -> tuple[float, ...]:
+        """Times from standstill to the largest input that a first look tries: soft starts take as long as their owner likes,
+        however quick the robot is."""
+        return (*self.times_to_try, *(many * self.times_to_try[-1] for many in (4.0, 16.0)))
+
 
 _STEP = 1e-6
 """Step of the central differences; at rest the rates are all but linear."""

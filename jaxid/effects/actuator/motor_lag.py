@@ -220,7 +220,7 @@ class SlewRate(MotorLag):
         return positive(self, "time_per_unit", unit, 0.15 * robot.scales.time / robot.scales.input)
 
     def probes(self, robot: Robot, seen: Seen) -> tuple[Probe, ...]:
-        times = tuple(time / robot.scales.input for time in robot.scales.times_to_try)
+        times = tuple(time / robot.scales.input for time in robot.scales.ramps_to_try)
         return one_by_one(self.key("time_per_unit"), times)
 
     def command(self, inputs, time, dt, p: Numbers, robot: Robot):
@@ -294,7 +294,7 @@ class RampOfEach(MotorLag):
 
     def probes(self, robot: Robot, seen: Seen) -> tuple[Probe, ...]:
         names = {self.key(f"time_per_unit_{name}"): robot.scales.input_of(name) for name in drive_names(robot)}
-        return tuple(Probe({key: time / size for key, size in names.items()}) for time in robot.scales.times_to_try)
+        return tuple(Probe({key: time / size for key, size in names.items()}) for time in robot.scales.ramps_to_try)
 
     def command(self, inputs, time, dt, p: Numbers, robot: Robot):
         per_unit = each_drive(robot, lambda name: p[self.key(f"time_per_unit_{name}")])
@@ -322,7 +322,7 @@ class RampOfBody(MotorLag):
 
     def probes(self, robot: Robot, seen: Seen) -> tuple[Probe, ...]:
         names = self.key("time_per_unit_mean"), self.key("time_per_unit_difference")
-        return tuple(Probe(dict.fromkeys(names, time / robot.scales.input)) for time in robot.scales.times_to_try)
+        return tuple(Probe(dict.fromkeys(names, time / robot.scales.input)) for time in robot.scales.ramps_to_try)
 
     def command(self, inputs, time, dt, p: Numbers, robot: Robot):
         one, other = robot.drive_inputs

@@ -21,6 +21,8 @@ from .whitened import Whitened
 _FEW, _KEPT, _ROUNDS = 3, 4, 4
 """Steps after which the refits of two changes are compared, how many of them are refitted to the end, and of how many changes
 it is asked what is beside them."""
+_NEAR = 30.0
+"""Chi-squared, numbers accounted for, by which a plainer pair of changes may be behind and be the way to the best."""
 _IN_THE_RUNNING = 0.3
 """Share of what the best second change gains that others may lack after these steps and still be refitted to the end."""
 
@@ -110,6 +112,7 @@ def _beside_this(
     found += ended(_in_their_place(pair, look, view, found, by_candidate, colours))
     found += ended(_usual_ones(pair, own, found, colours))
     found += ended(_by_fewer_numbers(pair, look, found, by_candidate, colours))
+    found += ended(_beside_unexplored(pair, own, explored, found, by_candidate, colours))
     found.sort(key=lambda trial: trial.total)
     for trial in found:
         report(f"refitted with {trial.score.candidate.title}: chi-squared {trial.joint.squares:.0f}")
@@ -153,6 +156,30 @@ def _by_fewer_numbers(
             same = (score.candidate.id, score.candidate.side) == (curve.candidate.id, curve.candidate.side)
             fewer = len(score.candidate.coordinates) < len(curve.candidate.coordinates)
             if same and fewer and frozenset((keep.candidate, score.candidate)) not in tried:
+                joints.append((score, _beside(pair, keep, score, leader.joint, kept, colours)))
+    return joints
+
+
+def _beside_unexplored(
+    pair: Pair,
+    own: Sequence[Score],
+    explored: Sequence[Candidate],
+    found: Sequence[Trial],
+    by_candidate: Mapping[Candidate, Score],
+    colours: Colours,
+) -> list[tuple[Score, Joint]]:
+    """A few steps with every number of the robot beside either part of the plainest of the best of those `found`, where nothing
+    was asked beside that part yet: beside a friction of two numbers a radius may be one too many, and beside one the answer."""
+    near = min(trial.total for trial in found) + _NEAR
+    leader = min((t for t in found if t.total < near), key=lambda trial: (len(trial.joint.delta), trial.total))
+    parts = [by_candidate[part] for part in leader.score.candidate.parts]
+    deltas = np.split(leader.joint.delta, [len(parts[0].candidate.coordinates)])
+    tried = {frozenset(trial.score.candidate.parts) for trial in found}
+    joints = []
+    for keep, kept in zip(parts, deltas, strict=True):
+        for score in own if keep.candidate not in explored else ():
+            single = len(score.candidate.coordinates) == 1 and apart(score, keep)
+            if single and frozenset((keep.candidate, score.candidate)) not in tried:
                 joints.append((score, _beside(pair, keep, score, leader.joint, kept, colours)))
     return joints
 
