@@ -29,6 +29,8 @@ _ZOOM = 4.0
 _ONE_SIDED = 0.02
 _LEVEL, _GONE = 0.05, 0.5
 _ROW = 3
+_SEEN = 1e-3
+"""Share of what is shown by which a variable varies at least where measured values are drawn over it."""
 _SMALL = 0.15
 """Share of a curve's range below which a change is too small to be seen beside it, and is drawn alone."""
 
@@ -125,9 +127,17 @@ def _reach(curve: LawCurve) -> tuple[float, float]:
     return low, high
 
 
+def _range(x: Array) -> float:
+    return float(np.ptp(x[np.isfinite(x)])) if np.isfinite(x).any() else 0.0
+
+
 def _binned(x: Array, y: Array) -> tuple[Array, Array]:
-    """Means of `y` in bins of `x` with as many samples each."""
-    edges = np.unique(np.quantile(x, np.linspace(0, 1, _BINS + 1)))
+    """Means of `y` in bins of `x` with as many samples each, of those that were measured."""
+    there = np.isfinite(x) & np.isfinite(y)
+    x, y = x[there], y[there]
+    edges = np.unique(np.quantile(x, np.linspace(0, 1, _BINS + 1))) if len(x) else x
+    if len(edges) < 2:
+        return edges, np.array([y.mean() for _ in edges])
     places = np.clip(np.searchsorted(edges, x, side="right") - 1, 0, len(edges) - 2)
     count = np.maximum(np.bincount(places, minlength=len(edges) - 1), 1)
     return np.bincount(places, x, len(edges) - 1) / count, np.bincount(places, y, len(edges) - 1) / count
@@ -150,7 +160,8 @@ def _draw(ax: Axes, curve: LawCurve) -> None:
     if curve.samples is not None:
         inside = (curve.samples[0] >= low) & (curve.samples[0] <= high)
         sx, sy = (s[inside] for s in curve.samples)
-        if len(sx) > 2 * _BINS:
+        # Where the variable was not seen to change, what was measured says nothing of a law of it.
+        if len(sx) > 2 * _BINS and _range(sx) > _SEEN * (high - low):
             every = max(len(sx) // 2500, 1)
             ax.plot(sx[::every], sy[::every], ".", ms=1.5, color=_MEASURED, alpha=0.25, rasterized=True, zorder=1)
             for side in (sx < 0, sx > 0) if low < 0 < high and curve.variable != "heading" else (sx == sx,):

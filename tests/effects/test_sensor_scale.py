@@ -80,3 +80,13 @@ def test_sensors_that_are_all_in_another_unit_stand_for_something_else():
 
     assert doubt(v=24.1, w=24.2).startswith("v (25.1 times) and w (25.2 times) would all be in another unit")
     assert doubt(v=0.02, w=56.3) == "" and doubt(v=0.0, w=56.3) == "" and doubt(v=-0.2, w=0.25) == ""
+
+
+def test_a_sensor_that_would_show_one_way_as_the_other_is_none_of_a_scale():
+    """One wheel's asymmetric dry friction had been a speed that reads -0.18 times backwards, as fact."""
+    law = effect_by_id(DifferentialDrive(), "sensor_scale", "by_direction")
+    model = DifferentialDrive() + law
+    for backward, doubted in ((-1.18, True), (-0.95, True), (-0.4, False), (0.1, False)):
+        robot = model.with_values(**{law.key("error_v"): 0.01, law.key("error_backward_v"): backward})
+        said = next(e for e in robot.effects if e.id == law.id).doubt(robot)
+        assert bool(said) == doubted and ("v would show nothing" in said) == doubted

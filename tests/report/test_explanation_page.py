@@ -328,6 +328,26 @@ def test_several_effects_on_one_curve_share_a_panel():
     assert law_figure({}) is None
 
 
+@pytest.mark.parametrize(
+    ("x", "drawn"),
+    [
+        (np.linspace(-0.9, 0.9, 500), True),
+        (np.where(np.arange(500) % 3, np.nan, np.linspace(-0.9, 0.9, 500)), True),  # a camera's cells, mostly empty
+        (np.zeros(500), False),
+        (np.full(500, np.nan), False),
+        (np.zeros(0), False),
+    ],
+)
+def test_measured_values_are_drawn_where_their_variable_was_seen_to_change(x, drawn):
+    """Of a heading that no sensor told the page had ended in a traceback."""
+    curve = replace(curve_of(lambda s: s, variable="heading"), samples=(x, 2.0 * x))
+    (ax,) = law_figure({"ground_slope": (curve,)}).axes
+    dots = [line for line in ax.lines if line.get_marker() == "o"]
+    assert bool(dots) == drawn
+    for line in dots:
+        np.testing.assert_allclose(line.get_ydata(), 2.0 * np.asarray(line.get_xdata()), atol=1e-9)
+
+
 def test_a_change_too_small_to_be_seen_beside_the_whole_is_drawn_alone():
     x = np.linspace(-10.0, 10.0, 4000)
     lost = curve_of(lambda s: -0.02 * s, x)

@@ -16,6 +16,9 @@ from .outputs import each_channel, sensed
 _OTHER_UNIT = 0.5
 """Error of a scale beyond which a sensor reads in another unit."""
 
+_BLIND = 0.9
+"""What a sensor would have to lose of one way to show nothing of it."""
+
 
 @dataclass(frozen=True)
 class SensorScale(Effect):
@@ -104,6 +107,9 @@ class ScaleByDirection(SensorScale):
             name: (table[self.key(f"error_{name}")], table[self.key(f"error_backward_{name}")])
             for name in robot.channels.outputs
         }
+        blind = [name for name, own in both.items() if min(p.value for p in own) < -_BLIND]
+        if blind:
+            return f"{' and '.join(blind)} would show nothing of what goes one way, or that it goes the other; no scale does"
         other = [name for name, own in both.items() if min(abs(p.value) for p in own) > _OTHER_UNIT]
         times = " and ".join(f"{name} ({1.0 + both[name][0].value:.3g} times)" for name in other)
         return f"{times} would be in another unit for either way; map the columns if they are" if other else ""

@@ -22,6 +22,8 @@ from .worth import likelier
 
 _MANY = 6
 """Free heights from which a curve may stand for more than its mechanism."""
+_OTHERS = 3
+"""Mechanisms that came next whose formulas are tried, too, where the curve is not its own mechanism's."""
 _FOLLOWED = 2
 """Formulas beside which another effect is asked."""
 _NO_WORSE = 1.01
@@ -47,13 +49,18 @@ def by_a_formula_and_another(
     refits, name = (logs, held_out, noise, say), steps[place].chosen.id
     say(f"looking whether a formula and another effect are what {steps[place].chosen.title} follows")
     bare = unfitted_without(name, current, base)
-    own = [law.blurred for law in laws_of(bare.robot, name) if not isinstance(law, Curve) and not law.repeats]
+    names = [name]
+    if not curves[name].agrees(current.robot):
+        # It does not bend as its mechanism does, and may be another's that came near it.
+        names += [trial.id for trial in steps[place].trials if trial.id != name][:_OTHERS]
+    laws = (law for own in names for law in laws_of(bare.robot, own))
+    own = [law.blurred for law in laws if not isinstance(law, Curve) and not law.repeats]
     alone = formulas_beside(bare, own, refits)
     if alone is None:
         return list(steps), current
     found = []
-    for first in alone.laws[:_FOLLOWED]:
-        others = [e for e in not_present(first.robot, effects, logs) if not isinstance(e, Curve) and e.id != name]
+    for first in (alone.laws if len(names) == 1 else alone.ranked)[:_FOLLOWED]:
+        others = [e for e in not_present(first.robot, effects, logs) if not isinstance(e, Curve) and e.id != first.id]
         second = formulas_beside(first, others, refits)
         found += [(first, second)] if second is not None else []
     first, second = min(found, key=lambda two: two[1].best.score, default=(None, None))
