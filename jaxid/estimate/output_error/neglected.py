@@ -29,6 +29,7 @@ from ..lacking import HINT, WAYS, Neglected, probed, ways_of, words_of
 from ..residual_tests import FALSE_ALARM as COLOURED
 from ..residual_tests import whiteness
 from ..rounded_inputs import as_they_may_have_been, written_step
+from ..rounding import noise_below, shows, step_of
 from .direct import sensitivities_directly
 from .evaluation import simulated_with
 from .laid_out import direct
@@ -102,6 +103,27 @@ def _by_rounding(logs: LogSet, structure: Structure, problem: Problem, unknowns:
     drawn = np.stack([np.where(weight > 0.0, y - here, 0.0) * weight for y in there])
     size = np.sqrt(np.sum(drawn**2) / (_DRAWS * max(np.count_nonzero(weight), 1)))
     return drawn if 0.0 < size < _PLAIN else None
+
+
+def _by_coarse_readings(logs: LogSet, problem: Problem, residual: Array) -> Array | None:
+    """Draws of what rounding of the readings leaves in the weighted `residual` [k, E, T, ny], whatever place each counter began
+    at; None where none is coarse. Where the robot rests or creeps such a rounding stays what it is, as no noise does."""
+    rng, weight, read = np.random.default_rng(_SEED), residual_weights(problem), np.asarray(problem.outputs)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        model = np.where(weight > 0.0, read + residual / weight, np.nan)
+    drawn = np.zeros((_DRAWS, *residual.shape))
+    for c, name in enumerate(logs.channels.measured):
+        step, here = step_of(logs, name), weight[..., c] > 0.0
+        off = (model - read)[..., c][here]
+        if not (step and off.size and shows(step, float(np.sqrt(np.mean(off**2))))):
+            continue
+        y = model[..., c] / step
+        below = noise_below([y[here]], [read[..., c][here] / step], 1.0)
+        for own in drawn:
+            begun = rng.uniform(size=(len(y), 1))
+            moved = y + below * rng.standard_normal(y.shape)
+            own[..., c] = np.where(here, step * (y - np.floor(moved + begun)), 0.0) * weight[..., c]
+    return drawn if drawn.any() else None
 
 
 class _Directions(NamedTuple):
@@ -228,13 +250,15 @@ def neglected(
     scores, covariance = scores[told], covariance[np.ix_(told, told)]
     off = error * float(np.sqrt(samples))
     found = _likely(scores, covariance, off, freedom)
-    if found[2] < HINT and (drawn := _by_rounding(logs, structure, problem, unknowns)) is not None:
-        moved = drawn.reshape(len(drawn), -1) @ d.found
-        rounding = moved.T @ moved / len(moved)
-        share = float(np.max(np.diag(rounding) / np.diag(covariance + rounding)))
-        # Of a variance that few draws tell (Welch and Satterthwaite).
-        few = 1.0 / (share**2 / len(moved) + (1.0 - share) ** 2 / freedom)
-        found = _likely(scores, covariance + rounding, off, few)
+    if found[2] < HINT:
+        drawn = _by_rounding(logs, structure, problem, unknowns), _by_coarse_readings(logs, problem, residual)
+        every = [own.reshape(_DRAWS, -1) @ d.found for own in drawn if own is not None]
+        if every:
+            rounding = sum(moved.T @ moved / _DRAWS for moved in every)
+            share = float(np.max(np.diag(rounding) / np.diag(covariance + rounding)))
+            # Of a variance that few draws tell (Welch and Satterthwaite).
+            few = 1.0 / (share**2 / _DRAWS + (1.0 - share) ** 2 / freedom)
+            found = _likely(scores, covariance + rounding, off, few)
     best, z, p = found
     if p >= HINT:
         return None

@@ -148,3 +148,32 @@ def test_what_rounding_of_the_logged_inputs_does_is_no_force(monkeypatch):
     assert marks() == 0
     monkeypatch.setattr(neglected, "_PLAIN", 0.0)  # it would show
     assert marks() > 2
+
+
+def counted(seed, step, drag=0.0):
+    """Three logs of the counts, rounded down, of an axis that sticks: M = 8 kg, 11 N s/m, 4 N, by 50 steps a sample."""
+    made = []
+    for k in range(3):
+        random, v, read = np.random.default_rng(100 * seed + k), 0.0, []
+        inputs, q = np.repeat(random.uniform(-30, 30, 25), 20), random.uniform(0, step)
+        for u in inputs:
+            read.append(np.floor(q / step))
+            for _ in range(50):
+                free = v + 4e-4 / 8.0 * (u - 11.0 * v - drag * v * abs(v))
+                v = np.sign(free) * max(abs(free) - 4e-4 * 4.0 / 8.0, 0.0)
+                q += 4e-4 * v
+        made.append(
+            Log.from_arrays(f"log {k}", 0.02 * np.arange(500), inputs[:, None], {"q": step * np.array(read)}, "axis")
+        )
+    return LogSet(made)
+
+
+@pytest.mark.parametrize("seed", [3, 4])
+def test_rounding_of_counts_where_the_robot_rests_bears_no_mark(seed):
+    """It had been that of a friction, or of a dead zone with p = 1e-20, beside estimates that were right."""
+    robot = Axis().with_values(M=6.0, Fv=9.0, Fc=3.0, offset=0.0)
+    fit = output_error(robot, counted(seed, 0.002))
+    assert fit.judgement.trustworthy and not any("mark of" in note for note in fit.notes)
+    for name, truth in {"M": 8.0, "Fv": 11.0, "Fc": 4.0, "offset": 0.0}.items():
+        assert abs(fit[name].value - truth) < 4 * fit[name].std_error
+    assert not output_error(robot, counted(seed, 0.002, drag=0.3)).judgement.trustworthy
