@@ -151,29 +151,30 @@ def test_what_rounding_of_the_logged_inputs_does_is_no_force(monkeypatch):
 
 
 def counted(seed, step, drag=0.0):
-    """Three logs of the counts, rounded down, of an axis that sticks: M = 8 kg, 11 N s/m, 4 N, by 50 steps a sample."""
-    made = []
+    """Three logs of the counts, rounded down, of an axis that sticks (8 kg, 11 N s/m, 4 N), by 50 first-order steps a sample,
+    which err by a small part of a count."""
+    made, h = [], 4e-4
     for k in range(3):
         random, v, read = np.random.default_rng(100 * seed + k), 0.0, []
         inputs, q = np.repeat(random.uniform(-30, 30, 25), 20), random.uniform(0, step)
         for u in inputs:
             read.append(np.floor(q / step))
             for _ in range(50):
-                free = v + 4e-4 / 8.0 * (u - 11.0 * v - drag * v * abs(v))
-                v = np.sign(free) * max(abs(free) - 4e-4 * 4.0 / 8.0, 0.0)
-                q += 4e-4 * v
-        made.append(
-            Log.from_arrays(f"log {k}", 0.02 * np.arange(500), inputs[:, None], {"q": step * np.array(read)}, "axis")
-        )
+                free = v + h / 8.0 * (u - 11.0 * v - drag * v * abs(v))
+                v = np.sign(free) * max(abs(free) - h * 4.0 / 8.0, 0.0)
+                q += h * v
+        counts = {"q": step * np.array(read)}
+        made.append(Log.from_arrays(f"log {k}", 0.02 * np.arange(500), inputs[:, None], counts, "axis"))
     return LogSet(made)
 
 
-@pytest.mark.parametrize("seed", [3, 4])
-def test_rounding_of_counts_where_the_robot_rests_bears_no_mark(seed):
-    """It had been that of a friction, or of a dead zone with p = 1e-20, beside estimates that were right."""
+@pytest.mark.parametrize(("seed", "step"), [(3, 0.002), (4, 0.002), (4, 0.005)])
+def test_what_rounding_of_counts_could_be_bears_no_mark(seed, step):
+    """Rounding stays what it is where the robot rests, and is no noise there: it had been friction that rises, or a dead zone
+    with p = 1e-20, of logs from a simulator whose own steps err by less than a count."""
     robot = Axis().with_values(M=6.0, Fv=9.0, Fc=3.0, offset=0.0)
-    fit = output_error(robot, counted(seed, 0.002))
+    fit = output_error(robot, counted(seed, step))
     assert fit.judgement.trustworthy and not any("mark of" in note for note in fit.notes)
-    for name, truth in {"M": 8.0, "Fv": 11.0, "Fc": 4.0, "offset": 0.0}.items():
-        assert abs(fit[name].value - truth) < 4 * fit[name].std_error
-    assert not output_error(robot, counted(seed, 0.002, drag=0.3)).judgement.trustworthy
+    for name, truth in {"M": 8.0, "Fv": 11.0, "Fc": 4.0}.items():
+        assert fit[name].value == pytest.approx(truth, rel=2e-3)
+    assert not output_error(robot, counted(seed, step, drag=0.3)).judgement.trustworthy
