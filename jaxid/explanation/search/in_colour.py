@@ -20,6 +20,7 @@ from ...logs import LogSet
 from ...robots.robot import Robot
 from ..left.coloured import whitened
 from ..left.heldout import HeldOut, held_out_state, residuals_of
+from ..refits.prescribed_angles import predicted
 from ..refits.refit import Trial
 from ..refits.smoothed_angles import Angles
 
@@ -83,6 +84,8 @@ def in_colour(
     """The trial estimated anew by generalised least squares, with residuals and chi-squared whitened."""
     robot = generalised(trial.robot, logs, noise, colours, trial.angles)
     fitted: HeldOut = whitened(held_out_state(robot, logs, noise, trial.angles), colours)
-    state = trial.held_out if robot is trial.robot else held_out_state(robot, held_out, noise)
+    # A model that needs prescribed angles needs them on held-out logs, too.
+    left = predicted if trial.angles else held_out_state
+    state = trial.held_out if robot is trial.robot else left(robot, held_out, noise)
     again = replace(trial, robot=robot, squares=fitted.squares, fitted=fitted)
     return again.leaving(whitened(state, colours))

@@ -7,9 +7,12 @@ pytest.importorskip("numba")
 from benchmarks.hidden.cases import make  # noqa: E402
 from jaxid import Axis, Log, LogSet, explain, output_error, read_logs
 from jaxid.effects import effect_by_id
+from jaxid.estimate.noise_colour import Colour
 from jaxid.explanation.left.heldout import held_out_state
 from jaxid.explanation.refits.prescribed_angles import PRESCRIBED, fit_with_prescribed_angles, predicted
+from jaxid.explanation.refits.refit import Prediction, Trial
 from jaxid.explanation.refits.smoothed_angles import smoothed_angles
+from jaxid.explanation.search.in_colour import in_colour
 from jaxid.model_file import read_model
 from jaxid.simulation.integrated_angles import integrated_angles
 from reference import excitation  # noqa: E402
@@ -70,6 +73,17 @@ def test_a_free_simulation_that_loses_its_way_gets_prescribed_angles(runs):
 
 def test_what_needs_no_angles_is_simulated_freely(runs):
     assert predicted(BARE, runs[0], NOISE).simulated_freely is None
+
+
+def test_whitened_it_is_predicted_with_prescribed_angles_too(runs):
+    """A free simulation had been held against coloured noise: a ripple that left only that was no known effect."""
+    logs, _ = runs
+    off = RIPPLED.with_values(**{"cogging_torque.periods": 2 * np.pi * PERIODS * 1.005})
+    angles = smoothed_angles(off, logs, NOISE, {})
+    fitted = held_out_state(off, logs, NOISE, angles)
+    trial = Trial("cogging_torque", off, fitted.squares, 6, fitted, Prediction(off, logs, NOISE), {}, angles)
+    again = in_colour(trial, {"v": Colour.first_order(1.0, 0.3)}, logs, logs, NOISE)
+    assert again.robot is not off and again.held_out.normalised_rms < 1.5
 
 
 @pytest.fixture(scope="module")
