@@ -119,10 +119,10 @@ def _by_coarse_readings(logs: LogSet, problem: Problem, residual: Array) -> Arra
             continue
         y = model[..., c] / step
         below = noise_below([y[here]], [read[..., c][here] / step], 1.0)
-        for own in drawn:
+        for k in range(_DRAWS):
             begun = rng.uniform(size=(len(y), 1))
             moved = y + below * rng.standard_normal(y.shape)
-            own[..., c] = np.where(here, step * (y - np.floor(moved + begun)), 0.0) * weight[..., c]
+            drawn[k, ..., c] = np.where(here, step * (y - np.floor(moved + begun)), 0.0) * weight[..., c]
     return drawn if drawn.any() else None
 
 
