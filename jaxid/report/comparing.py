@@ -223,7 +223,7 @@ def compare(
             continue
         start = starts[label]
         far = [np.concatenate([*own.values()]) / noise[c] for c, own in predicted[label].residuals.items() if own]
-        seen = fitted[label].normalised_rms if label in fitted else 1.0
+        seen = fitted[label].normalised_rms if label in fitted else 0.0
         sentence = prediction_sentence(f, predicted[label].normalised_rms, held_out, noise, fit, start, far, seen)
         said += [f"{tab.title_of(label)}: {sentence}"] if sentence else []
     ahead = {

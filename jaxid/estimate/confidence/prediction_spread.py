@@ -20,8 +20,10 @@ from .agreement import errors_of, rms
 _DRAWS, _SEED = 24, 0
 _WORTH_A_WORD = 1.5
 """Held-out error, in units of the noise, from which it is asked whether the uncertainty explains it."""
+_NEWS = 1.2
+"""Held-out error over that of a free simulation of the fitted logs up to which these show it as well."""
 _FAR_OFF = 20.0
-"""The same from which a column of another sign or unit is a likelier cause than another floor or load."""
+"""Held-out error, in units of the noise, from which a column of another sign or unit is likelier than another floor or load."""
 _BEYOND = 0.2
 """Share of the fitted logs' range by which a held-out signal must leave it to be named."""
 
@@ -79,12 +81,12 @@ def prediction_sentence(
     fitted: LogSet | None = None,
     start: Mapping[str, NDArray[np.float64]] | None = None,
     residuals: Sequence[NDArray[np.float64]] = (),
-    seen: float = 1.0,
+    seen: float = 0.0,
 ) -> str:
     """What the `error` of `fit` on the held-out logs `held_out` (in units of the `noise`) says of it; empty where it is about
     the noise, or the fit is doubted already. `fitted`: the logs that were fitted; `residuals` [samples] of each channel there,
     in units of the noise; `seen`: the error of a free simulation of the fitted logs, in units of theirs."""
-    if not error > _WORTH_A_WORD * max(seen, 1.0) or not fit.trustworthy:
+    if not error > max(_WORTH_A_WORD, _NEWS * seen) or not fit.trustworthy:
         return ""
     usual = max((usual_size(own) for own in residuals), default=np.inf)
     if usual < _WORTH_A_WORD:

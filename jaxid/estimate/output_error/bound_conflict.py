@@ -31,7 +31,7 @@ def bound_conflicts(fit: Fit, structure: Structure, problem: Problem, optimum: O
     if not own:
         return {}
     without, there, step = _unbounded(problem, optimum, [i for i in on_it if i not in own])
-    white = np.sqrt(np.maximum(np.diag(np.linalg.pinv(_shared(problem, optimum).T @ _shared(problem, optimum))), 0.0))
+    white = np.linalg.norm(np.linalg.pinv(_shared(problem, optimum)), axis=1)
     if not np.isfinite(step).all() or not np.any(np.abs(step[own]) > _BEYOND * white[own]):
         return {}
     # What is left at the bound follows the motion for the bound's sake, and widens every interval that is made for its colour.
