@@ -45,7 +45,8 @@ def _more_states(motors: int, speeds: int) -> int:
 def pioneer_dynamics(t, x, u, p, e, xdot, G, B, bias, level):
     """As `reference.pioneer.dynamics`."""
     place = _FROM_PIONEER
-    xdot[place:] = 0.0
+    for i in range(place, xdot.size):
+        xdot[i] = 0.0
     here, q = ground(x[0], x[1], e), p
     track = p[_P.L] * track_factor(x[5], e)
     if e[K.track] != 0.0 or e[K.own_motors] != 0.0 or e[K.payload] != 0.0:
@@ -90,7 +91,8 @@ def pioneer_dynamics(t, x, u, p, e, xdot, G, B, bias, level):
 def omni_dynamics(t, x, u, p, e, xdot, G, B, bias, level):
     """As `reference.omni.dynamics`; La must be 0 where the motors are the law's."""
     place = _FROM_OMNI
-    xdot[place:] = 0.0
+    for i in range(place, xdot.size):
+        xdot[i] = 0.0
     here, q = ground(x[0], x[1], e), p
     own = e[K.own_motors] != 0.0
     if own or e[K.payload] != 0.0:
@@ -127,7 +129,8 @@ def omni_dynamics(t, x, u, p, e, xdot, G, B, bias, level):
 def axis_dynamics(t, x, u, p, e, xdot, G, B, bias, level):
     """As `reference.axis.dynamics`; the motor has no back-EMF, and its angle is 2 pi times the position."""
     place = _FROM_AXIS
-    xdot[place:] = 0.0
+    for i in range(place, xdot.size):
+        xdot[i] = 0.0
     q, v = p, x[1]
     drive = np.zeros(1)
     if e[K.own_motors] != 0.0 or e[K.payload] != 0.0:

@@ -80,8 +80,8 @@ def mass_and_bias(beta, eta1, eta2, p, xm, J, g):
     sin, cos = np.sin(beta), np.cos(beta)
     d, l1, L = p[P.d], p[P.l1], p[P.L]
     beta_dot = -(sin * eta1 + l1 * cos * eta2) / d - eta2
-    J[:] = 0.0
-    g[:] = 0.0
+    for i in range(2):
+        g[i] = J[i, 0] = J[i, 1] = 0.0
     Q = np.empty((2, 2))
     for body in range(4):  # chassis, right wheel, left wheel, caster wheel: translation
         Q_dot = np.zeros((2, 2))

@@ -43,6 +43,13 @@ _E = np.array([71 / 57600, 0, -71 / 16695, 71 / 1920, -17253 / 339200, 22 / 525,
 
 
 @njit
+def _copy(source, target):
+    """`target[:] = source`, which numba compiles with all that words its message about unequal shapes: for seconds."""
+    for i in range(target.size):
+        target[i] = source[i]
+
+
+@njit
 def _solve(matrix, rhs, n, solution, null):
     """Gaussian elimination with full pivoting: a particular solution, one null vector if any, and the rank."""
     a = matrix[:n, :n].copy()
@@ -72,8 +79,8 @@ def _solve(matrix, rhs, n, solution, null):
             for j in range(k, n):
                 a[i, j] -= factor * a[k, j]
             b[i] -= factor * b[k]
-    solution[:n] = 0.0
-    null[:n] = 0.0
+    for i in range(n):
+        solution[i] = null[i] = 0.0
     if rank < n:
         null[order[rank]] = 1.0
     for k in range(rank - 1, -1, -1):
@@ -157,7 +164,8 @@ def _evaluate(dynamics, t, x, u, p, e, mode, first, xdot, G, B, bias, level, f, 
         for j in range(n_axes):
             xdot[i] -= G[i, j] * f[j]
     if held:  # exactly, not up to rounding
-        xdot[first : first + n_v] = 0.0
+        for k in range(n_v):
+            xdot[first + k] = 0.0
     for i in range(n_axes):
         s[i] = 0.0
         for k in range(n_v):
@@ -238,10 +246,10 @@ def _resolve(dynamics, t, x, u, p, e, mode, first, xdot, G, B, bias, level, f, s
                     violation = max(violation, -trial[k] * sdot[k] / (inverse_mass * max(level[0, k], level[1, k])))
             if violation < best_violation - MARGIN:
                 best_violation = violation
-                best[:] = trial
+                _copy(trial, best)
         if best_violation <= MARGIN:
             break
-    mode[:] = best
+    _copy(best, mode)
 
 
 @njit
@@ -329,12 +337,12 @@ def integrate(dynamics, x0, breaks, inputs, p, e, first, n_v, n_axes, rtol, atol
     mode = np.ones(n_axes, np.int64)
     states, modes = np.empty((breaks.size, n)), np.zeros((breaks.size, n_axes), np.int64)
     events, h = 0, min(longest, 1e-3)
-    states[0] = x
+    _copy(x, states[0])
     for segment in range(breaks.size - 1):
         t, last = breaks[segment], breaks[segment + 1]
         u = inputs[segment]
         _resolve(dynamics, t, x, u, p, e, mode, first, K[0], G, B, bias, level, f, s, sdot)
-        modes[segment] = mode
+        _copy(mode, modes[segment])
         _evaluate(dynamics, t, x, u, p, e, mode, first, K[0], G, B, bias, level, f, s, sdot)
         at_once = 0
         while t < last:
@@ -377,7 +385,7 @@ def integrate(dynamics, x0, breaks, inputs, p, e, first, n_v, n_axes, rtol, atol
                 _step(dynamics, t, x, high, u, p, e, mode, first, K, end, G, B, bias, level, f, s_end, sdot_end)
                 at_once = at_once + 1 if high < 1e-11 else 0
                 t = last if final and high == step else t + high
-                x[:] = end
+                _copy(end, x)
                 for i in range(n_axes):  # a crossed axis is at rest however fast it was going to cross
                     if abs(mode[i]) == 1 and mode[i] * s_end[i] < 0.0:
                         mode[i] = 0
@@ -387,13 +395,13 @@ def integrate(dynamics, x0, breaks, inputs, p, e, first, n_v, n_axes, rtol, atol
                 if happened and at_once >= 200:
                     return states, modes, -1
                 t = last if final else t + step
-                x[:] = end
+                _copy(end, x)
                 _stop(x, mode, first, G, B, s_end)
                 if not final:
                     h = step * min(4.0, 0.9 * max(error, 1e-6) ** -0.2)
                 elif error > 0.0:
                     h = max(h, min(longest, step * min(4.0, 0.9 * max(error, 1e-6) ** -0.2)))
             _evaluate(dynamics, t, x, u, p, e, mode, first, K[0], G, B, bias, level, f, s, sdot)
-        states[segment + 1] = x
-    modes[-1] = mode
+        _copy(x, states[segment + 1])
+    _copy(mode, modes[breaks.size - 1])
     return states, modes, events

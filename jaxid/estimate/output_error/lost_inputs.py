@@ -5,7 +5,7 @@ one of them, or at the row that follows: one number per place says when. These a
 parameters, from the outputs after each place; the rows are put back with the inputs that come of it and with nothing measured.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -33,6 +33,8 @@ _PRECISION = 12.0
 _SECANT = 0.25
 _STEP_OF_PARAMETERS = 1e-3
 """Steps of secants: of the share of the missing rows that had the new input, and of a parameter in units of its size."""
+_LOOKED_AT = 25
+"""Rows after a place that say at which of the missing ones an input changed."""
 _AT_ONCE = 2_000_000
 """Samples that are simulated at once."""
 
@@ -47,6 +49,12 @@ class _Places:
 
     def __len__(self) -> int:
         return len(self.after)
+
+    def times(self, log: Log, place: int) -> tuple[float, float, float]:
+        """When the last row before a place, and the first after it, were read, and until when to look at what it did."""
+        before, first = self.after[place], self.after[place] + 1
+        following = self.after[place + 1] if place + 1 < len(self) else len(log) - 1
+        return log.time[before], log.time[first], log.time[min(following, first + _LOOKED_AT)]
 
     def filled(self, log: Log, shares: Array) -> Log:
         """`log` with the rows put back, of which the last `shares` [places] have the input of the row after them."""
@@ -69,6 +77,19 @@ class _Places:
             outputs=outputs[order],
             extra=extra,
         )
+
+
+def _moved_after(log: Log, outputs: Array, noise: Mapping[str, float], times: tuple[float, float, float]) -> float:
+    """Mean square, in units of the noise, of what the errors after a place changed by since the last one before it."""
+    before, first, last = times
+    errors, total = errors_of(log, np.nan_to_num(outputs, nan=np.inf)), 0.0
+    for channel, error in errors.items():
+        earlier = error[(log.time <= before) & np.isfinite(error)][-3:]
+        later = error[(log.time >= first) & (log.time <= last)]
+        later = later[np.isfinite(later)]
+        if noise.get(channel, 0.0) > 0.0 and len(earlier) and len(later):
+            total += float(np.mean(((later - np.median(earlier)) / noise[channel]) ** 2))
+    return total
 
 
 def _wider(known: Array, estimated: Array) -> list[float]:
@@ -159,27 +180,47 @@ def with_lost_inputs(robot: Robot, logs: LogSet, noise: Mapping[str, float]) -> 
     def cost(of: Sequence[Array], shares: Sequence[Array]) -> float:
         return float(sum(r @ r for r in of) + sum(_PRECISION * ((s - 0.5) ** 2).sum() for s in shares))
 
+    def varied(model: Robot, moves: Sequence[tuple[int, Array]]) -> Iterator[tuple[Log, Array]]:
+        """Logs [of so many places] filled with other shares, and what the model does on them."""
+        chunk = max(_AT_ONCE // max(map(len, now)), 1)
+        for first in range(0, len(moves), chunk):
+            some = moves[first : first + chunk]
+            many = LogSet(
+                [replace(places[e].filled(logs[e], s), name=f"{logs[e].name} {k}") for k, (e, s) in enumerate(some)]
+            )
+            begin = {name: np.array([values[e] for e, _ in some]) for name, values in start.items()}
+            yield from zip(many, simulate(model, many, start=begin, integrator=steps), strict=True)
+
     def columns(model: Robot, shares: Sequence[Array], here: Sequence[Array]) -> list[Array]:
         """What every log's residual changes by with each of its own shares, [N, places]."""
-        most = max(map(len, places))
-        chunk = max(_AT_ONCE // max(sum(map(len, now)), 1), 1)
+        moves, by = [], []
+        for e, s in enumerate(shares):
+            for k in range(len(s)):
+                other = s.copy()
+                other[k] += _SECANT if s[k] <= 0.5 else -_SECANT
+                moves.append((e, other))
+                by.append(other[k] - s[k])
         found: list[list[Array]] = [[] for _ in places]
-        for first in range(0, most, chunk):
-            moved, owners = [], []
-            for k in range(first, min(first + chunk, most)):
-                for e, (log, own, s) in enumerate(zip(logs, places, shares, strict=True)):
-                    if k < len(own):
-                        other = s.copy()
-                        other[k] += _SECANT if s[k] <= 0.5 else -_SECANT
-                        moved.append(replace(own.filled(log, other), name=f"{log.name} {k}"))
-                        owners.append((e, other[k] - s[k]))
-            begin = {name: np.array([values[e] for e, _ in owners]) for name, values in start.items()}
-            many = LogSet(moved)
-            for (e, step), log, y in zip(
-                owners, many, simulate(model, many, start=begin, integrator=steps), strict=True
-            ):
-                found[e].append((scaled(log, y) - here[e]) / step)
+        for (e, _), step, (log, y) in zip(moves, by, varied(model, moves), strict=True):
+            found[e].append((scaled(log, y) - here[e]) / step)
         return [np.stack(own, axis=1) if own else np.zeros((len(r), 0)) for own, r in zip(found, here, strict=True)]
+
+    def at_rows(shares: Sequence[Array]) -> list[Array]:
+        """The shares with which each input changes at one of the missing rows or at the one after them, whichever leaves
+        the errors after the place nearest to those before it: far from it, a search ends at shares that are best near by."""
+        moves = [
+            (e, np.where(np.arange(len(s)) == k, number / own.rows[k], s))
+            for e, (own, s) in enumerate(zip(places, shares, strict=True))
+            for k in range(len(s))
+            for number in range(own.rows[k] + 1)
+        ]
+        of = [(e, k, n) for e, own in enumerate(places) for k in range(len(own)) for n in range(own.rows[k] + 1)]
+        found, least = [s.copy() for s in shares], {}
+        for (e, k, number), (log, y) in zip(of, varied(robot, moves), strict=True):
+            moved = _moved_after(log, y, noise, places[e].times(logs[e], k))
+            if moved < least.get((e, k), np.inf):
+                least[e, k], found[e][k] = moved, number / places[e].rows[k]
+        return found
 
     def of_parameters(model: Robot, of: LogSet, here: Sequence[Array]) -> list[Array]:
         table = model.parameters
@@ -201,6 +242,13 @@ def with_lost_inputs(robot: Robot, logs: LogSet, noise: Mapping[str, float]) -> 
     names, wider, price = robot.parameters.free_names, {}, 0.0
     here = residuals(robot, now)
     best = cost(here, shares)
+    begun, first = at_rows(shares), start
+    start = estimated_start(robot, filled(begun), noise)
+    then = residuals(robot, filled(begun))
+    if cost(then, begun) < best:
+        shares, now, here, best = begun, filled(begun), then, cost(then, begun)
+    else:
+        start = first
     for _ in range(_STEPS):
         own, common = columns(robot, shares, here), of_parameters(robot, now, here)
         wanted, step, errors = _step(own, common, here, shares)
@@ -212,7 +260,10 @@ def with_lost_inputs(robot: Robot, logs: LogSet, noise: Mapping[str, float]) -> 
             model, of = moved_by(robot, share * step), filled(there)
             then = residuals(model, of)
             if cost(then, there) < best:
-                robot, now, shares, here, best = model, of, there, then, cost(then, there)
+                robot, now, shares = model, of, there
+                start = estimated_start(robot, now, noise)  # which had made up for moments that were off
+                here = residuals(robot, now)
+                best = cost(here, shares)
                 break
         if not best < (1.0 - _NOTICEABLE) * before:
             break

@@ -3,12 +3,13 @@
 import numpy as np
 import pytest
 
-from jaxid import output_error
+from jaxid import Log, LogSet, output_error, read_robot
 from jaxid.estimate.output_error.lost_inputs import with_lost_inputs
 
 from .test_lost_rows import CHANGES, DT, INPUTS, ROBOT, without
 
 NOISE = 0.005
+SIDES = ("left", "right")
 ERROR = NOISE / (1.0 - np.exp(-DT)) * np.sqrt(1.0 - np.exp(-2.0 * DT))
 """Standard deviation of an input of one row as the speeds after it tell it, which fade within a second (least squares)."""
 
@@ -57,3 +58,36 @@ def test_the_parameters_come_nearer_and_their_errors_say_how_near():
 def test_logs_whose_inputs_do_not_change_unseen_stay_as_they_are():
     logs, found = put_back(CHANGES + 10)
     assert found.logs is logs and found.places == 0
+
+
+CART = """name = "cart"
+parameters = { r = 0.05, M = 4.0, J = 0.04, viscous = 0.004, coulomb = 0.1, Iw = 0.001 }
+[wheels]
+left = { at = [0.0, 0.1] }
+right = { at = [0.0, -0.1] }
+"""
+"""With J = M b^2 neither wheel pulls at the other: each is an axis of mass M r^2 / 2 + Iw."""
+
+
+def test_moments_are_found_from_angles_that_add_up_what_was_off(axis_law, tmp_path):
+    """A row of the wrong input moves all later angles by many times their noise, and the start that is estimated from them."""
+    rng, dt, noise, n = np.random.default_rng(5), 0.02, 0.01, 27 * 45
+    (tmp_path / "cart.toml").write_text(CART)
+    robot = read_robot(tmp_path / "cart.toml").for_columns(["angle_left", "angle_right"])
+    robot = robot.change("viscous", free=True).change("coulomb", free=True)
+    logs, given = [], []
+    for name in ("one", "two"):
+        torques = np.repeat(rng.uniform(-0.35, 0.35, (27, 2)), 45, axis=0)
+        angles = [axis_law(own, dt, M=2.0 * 0.05**2 + 0.001, Fv=0.004, Fc=0.1)[1] for own in torques.T]
+        changes = rng.permutation(np.arange(45, n, 45))
+        lost = [*changes[:3], *(changes[3:5] - 1)]  # the first row of a new input, or the last of an old one
+        kept = np.setdiff1d(np.arange(n), lost)
+        read = {
+            f"angle_{side}": q[kept] + noise * rng.normal(size=len(kept)) for side, q in zip(SIDES, angles, strict=True)
+        }
+        logs.append(Log.from_arrays(name, dt * kept, torques[kept], read, robot))
+        given.append(torques)
+    found = with_lost_inputs(robot, LogSet(logs), dict.fromkeys(robot.channels.measured, noise))
+    assert found.places == 10
+    for log, torques in zip(found.logs, given, strict=True):
+        assert np.abs(log.inputs - torques).max() < 0.05  # of steps of up to 0.7
