@@ -17,6 +17,7 @@ from ..logs.noise import as_sampled, usual_size
 from .confidence.agreement import counted_channels, diverging, errors_of, rms
 from .judgement import Judgement, Verdict
 from .odd_log import odd_log
+from .offset import offset
 from .prior_conflict import prior_conflicts
 from .residual_tests import FALSE_ALARM, FEWEST, autocorrelation, bursts, independent, relation, uneven, whiteness
 from .result import Estimate, Fit
@@ -215,6 +216,15 @@ def judge(
         sentences.append(
             f"What is left in {c} follows the motion (most of all {name}): part of it is not in the model."
         )
+    # A position's starts with its first reading, noise included.
+    means = {c: offset(own, noise[c], ABOVE) for c, own in parts.items() if c not in logs.channels.positions}
+    offsets = {c: mean for c, mean in means.items() if mean and c not in follows}
+    for c, mean in offsets.items():
+        size, way = f"{abs(mean):.3g} {logs.channels.units.get(c, '')}".rstrip(), "less" if mean > 0 else "more"
+        sentences.append(
+            f"What is measured of {c} is {size} {way} than the model makes on average ({_times(abs(mean) / noise[c])} times "
+            "the noise): its sensor has an offset, or the model lacks something that is there all the time."
+        )
     slow = {c: slow_part(series[c], noise[c], step_of(logs, c)) for c in coloured if c not in follows}
     slow = {c: sizes for c, sizes in slow.items() if sizes[0] > LEFT or sizes[1] > LEFT_IN_ONE}
     if slow:
@@ -278,7 +288,7 @@ def judge(
     verdict: Verdict = "sound"
     if failures:
         verdict = "failed"
-    elif far or follows or slow or bursty or few or untested or pulled:
+    elif far or follows or offsets or slow or bursty or few or untested or pulled:
         verdict = "poor"
     elif coloured or (pooled > POOR and not outlying):
         verdict = "coloured"

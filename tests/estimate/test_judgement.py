@@ -7,6 +7,7 @@ import pytest
 
 from jaxid import (
     Axis,
+    Channels,
     DifferentialDrive,
     Disturbance,
     Estimate,
@@ -474,3 +475,26 @@ def test_readings_too_high_that_pull_a_fit_off_make_it_poor_and_name_the_loss_th
     robust = output_error(model, logs, loss="cauchy")
     assert robust.judgement.trustworthy
     assert abs(robust["offset"].value) < 3.0 * robust["offset"].std_error < abs(fit["offset"].value)
+
+
+def biased(seed, *, size, n=2000):
+    """A drive axis whose two speed sensors read its speed with white noise, the second with an offset of so many times that."""
+    rng, t = np.random.default_rng(seed), 0.02 * np.arange(n)
+    speed = np.sin(t) + 0.5 * np.sin(2.3 * t)
+    channels = Channels(inputs=("u",), outputs=("first", "second"), units={"first": "m/s", "second": "m/s"})
+    read = {name: speed + 0.01 * rng.normal(size=n) for name in ("first", "second")}
+    read["second"] += 0.01 * size
+    one = Log.from_arrays("one", t, np.zeros((n, 1)), read, channels)
+    return judge(LogSet([one]), [np.stack([speed, speed], axis=1)], {"first": 0.01, "second": 0.01})
+
+
+def test_an_offset_is_no_white_noise():
+    found = biased(1, size=2.0)
+    assert found.verdict == "poor" and not found.follows
+    (said,) = [said for said in found.sentences if "on average" in said]
+    assert said.startswith("What is measured of second is 0.0") and "m/s more than the model makes" in said
+    assert biased(1, size=0.0).verdict == "sound"
+
+
+def test_an_offset_within_the_noise_is_none():
+    assert all(biased(seed, size=0.1).verdict == "sound" for seed in range(5))
