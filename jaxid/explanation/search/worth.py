@@ -22,6 +22,8 @@ _UNDONE = 0.99
 """Share of what an error of a sensor does that the refitted parameters of the rest undo, from which on it is another unit of
 the same motion, such as one scale of all sensors, rather than an error: what little it explains, the rest explains."""
 
+_NO_CHANCE = 50.0
+"""Chi-squared of whitened samples, beyond its price, from which no colour of noise that was taken for another makes it."""
 _WORSE = 1.1
 """Held-out error of one law or name over another's from which on it is clearly worse: chance moves that of a thousand
 samples by some hundredths."""
@@ -72,18 +74,26 @@ def worth_it(before: Trial, after: Trial, first: Trial, tried: int) -> bool:
 
 def likelier(before: Trial, after: Trial, tried: int) -> bool:
     """Whether an effect explains more of the fitted logs than chance does."""
+    return _beyond(before, after, tried) > 0.0
+
+
+def _beyond(before: Trial, after: Trial, tried: int) -> float:
+    """By how much more of chi-squared on the fitted logs than chance could, `tried` candidates accounted for."""
     price = (after.free - before.free) * np.log(before.fitted.samples) + 2 * np.log(tried)
-    return bool(before.squares - after.squares > price)
+    return float(before.squares - after.squares - price)
 
 
 def worth_in_colour(before: Trial, after: Trial, tried: int) -> bool:
     """The same of whitened trials, whose chi-squared on the held-out logs, to which nothing was fitted, tells by itself.
 
     Were there no such effect, what it changes there, of size D in whitened units, would cost D on average, with a standard
-    deviation of 2 sqrt(D). So a gain of g has at most the probability of sqrt(g) standard deviations, whatever D.
+    deviation of 2 sqrt(D). So a gain of g has at most the probability of sqrt(g) standard deviations, whatever D. Where
+    held-out logs hardly ask for it, D is too small for that; what is no chance at all on the fitted ones they need only bear
+    out.
     """
     gained = before.held_out.squares - after.held_out.squares
-    return likelier(before, after, tried) and gained > float(normal_beyond(before.held_out.false_alarm / 2)) ** 2
+    least = float(normal_beyond(before.held_out.false_alarm / 2)) ** 2
+    return _beyond(before, after, tried) > (0.0 if gained > least else _NO_CHANCE) and gained > 0.0
 
 
 def undone(trial: Trial, before: Trial, held_out: LogSet, noise: Mapping[str, float]) -> bool:

@@ -2,10 +2,13 @@
 
 from dataclasses import replace
 
+import numpy as np
+
 from jaxid import Axis, Log, LogSet
 from jaxid.effects import effect_by_id
-from jaxid.explanation.refits.refit import refit
-from jaxid.explanation.search.worth import holds_as_well, undone
+from jaxid.explanation.left.heldout import HeldOut
+from jaxid.explanation.refits.refit import Trial, refit
+from jaxid.explanation.search.worth import holds_as_well, undone, worth_in_colour
 from jaxid.simulation.scaled import scaled_to
 from tests.explanation import closed_form_axis
 from tests.explanation.closed_form_axis import driven
@@ -58,3 +61,30 @@ def test_what_predicts_other_logs_clearly_worse_does_not_hold_as_well():
         assert holds_as_well(other, after) is holds
     away = after.leaving(replace(after.held_out, normalised_rms=float("nan"), diverged=("b",)))
     assert holds_as_well(after, away) and not holds_as_well(away, after) and not holds_as_well(away, away)
+
+
+def whitened(fitted, held_out, free):
+    """A trial that leaves these residuals [T]."""
+
+    def state(residual):
+        return HeldOut(float(np.sqrt(np.mean(residual**2))), {"v": 1.0}, (residual[:, None],), {"v": 1.0}, 0.0)
+
+    return Trial("", Axis(), float(np.sum(fitted**2)), free, state(fitted), lambda: state(held_out), {})
+
+
+def test_what_is_no_chance_on_the_fitted_logs_the_held_out_ones_need_only_bear_out():
+    """An effect whose size on 4,000 fitted samples is 10 standard deviations, and 2 on the held-out ones."""
+    rng = np.random.default_rng(3)
+    noise, other, wave = rng.normal(size=4000), rng.normal(size=1000), np.sin(np.arange(4000) / 40)
+    wave /= np.linalg.norm(wave)
+    new = np.sin(np.arange(1000) / 40)
+    new /= np.linalg.norm(new)
+    noise, other = noise - (noise @ wave) * wave, other - (other @ new) * new
+    after = whitened(noise, other, 4)
+
+    def worth(fitted, held_out):
+        return worth_in_colour(whitened(noise + fitted * wave, other + held_out * new, 3), after, tried=60)
+
+    assert worth(10.0, 2.0) and not worth(10.0, 0.0)  # where they ask for it at all
+    assert worth(6.0, 3.0) and not worth(6.0, 2.0)  # what might be chance must show on both
+    assert not worth(3.0, 3.0)
