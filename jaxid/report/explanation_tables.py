@@ -19,7 +19,12 @@ def interval(estimate: Estimate) -> str:
     """The 95 % interval, "-" where there is none, or, of what is not determined, one that says nothing."""
     low, high = estimate.ci95
     open_ = estimate.status == "not_identifiable" and not high - low < _SAYS_NOTHING * abs(estimate.value)
-    return "-" if open_ or math.isnan(low) or math.isnan(high) else f"{number(low, 3)} to {number(high, 3)}"
+    if open_ or math.isnan(low) or math.isnan(high):
+        return "-"
+    # As many digits as tell its ends apart.
+    narrow = max(abs(low), abs(high)) / (high - low) if high > low else 1.0
+    digits = max(3, math.ceil(math.log10(narrow)) + 1) if 0.0 < narrow < math.inf else 3
+    return f"{number(low, digits)} to {number(high, digits)}"
 
 
 def _unsure(fit: Fit) -> str:

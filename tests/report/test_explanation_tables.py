@@ -20,3 +20,8 @@ from jaxid.report.explanation_tables import interval
 )
 def test_an_interval_that_says_nothing_is_none(low, high, status, said):
     assert interval(Estimate(0.8, 0.05, (low, high), "V", status)) == said
+
+
+def test_an_interval_has_the_digits_that_tell_its_ends_apart():
+    assert interval(Estimate.of(7.00065, 0.00024, "1/m")) == "7.0002 to 7.0011"
+    assert interval(Estimate.of(0.0401, 0.0002, "rad/s")) == "0.0397 to 0.0405"

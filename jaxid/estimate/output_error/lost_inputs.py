@@ -54,7 +54,8 @@ class _Places:
         """When the last row before a place, and the first after it, were read, and until when to look at what it did."""
         before, first = self.after[place], self.after[place] + 1
         following = self.after[place + 1] if place + 1 < len(self) else len(log) - 1
-        return log.time[before], log.time[first], log.time[min(following, first + _LOOKED_AT)]
+        last = min(following, first + _LOOKED_AT)
+        return float(log.time[before]), float(log.time[first]), float(log.time[last])
 
     def filled(self, log: Log, shares: Array) -> Log:
         """`log` with the rows put back, of which the last `shares` [places] have the input of the row after them."""

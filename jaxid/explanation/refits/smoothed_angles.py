@@ -15,12 +15,33 @@ from ..._arrays import array
 from ...logs import LogSet
 from ...robots.robot import Robot
 from ...simulation.integrated_angles import integrated_angles
-from ..where.missing_force import NoVelocities, smoothed_states
+from ..where.missing_force import NoVelocities, Smoothed, smoothed_states
 
 WANDER = 0.035
 """Random-walk intensity of the missing forces, in units of `ForceHistory.scale` per root of its response time."""
 
 Angles = Mapping[str, Float[Array, "E T"]]
+
+
+def smoothed_ways(
+    robot: Robot,
+    logs: LogSet,
+    noise: Mapping[str, float],
+    known_states: Mapping[str, Mapping[str, float]],
+    wander: float = WANDER,
+) -> dict[str, Smoothed]:
+    """The wheels' angles smoothed through `robot`, with their standard deviations; empty where that cannot be done.
+
+    Empty, too, where no effect of the robot repeats with the wheels or a velocity was not measured. `known_states` are
+    estimated initial states by log name; less `wander` of the missing forces trusts the model more.
+    """
+    names = integrated_angles(robot, logs)
+    try:
+        smooth = smoothed_states(robot, logs, noise, known_states, wander) if names else {}
+    except NoVelocities:
+        return {}
+    found = {name: smooth[name] for name in names}
+    return found if all(bool(np.isfinite(angle.mean).all()) for angle in found.values()) else {}
 
 
 def smoothed_angles(
@@ -30,17 +51,6 @@ def smoothed_angles(
     known_states: Mapping[str, Mapping[str, float]],
     wander: float = WANDER,
 ) -> Angles:
-    """The wheels' angles smoothed through `robot`; from the speeds alone where that cannot be done.
-
-    Empty where no effect of the robot repeats with the wheels or a velocity was not measured. `known_states` are
-    estimated initial states by log name; less `wander` of the missing forces trusts the model more.
-    """
-    rough = integrated_angles(robot, logs)
-    if not rough:
-        return {}
-    try:
-        smooth = smoothed_states(robot, logs, noise, known_states, wander)
-    except NoVelocities:
-        return rough
-    found = {name: array(smooth[name].mean) for name in rough}
-    return found if all(bool(np.all(np.isfinite(angle))) for angle in found.values()) else rough
+    """The means of `smoothed_ways`; from the speeds alone where they cannot be had."""
+    smooth = smoothed_ways(robot, logs, noise, known_states, wander)
+    return {name: array(own.mean) for name, own in smooth.items()} or integrated_angles(robot, logs)

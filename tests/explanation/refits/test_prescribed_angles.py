@@ -143,3 +143,32 @@ def test_a_strong_ripple_is_named_whether_or_not_it_can_be_followed_freely(tmp_p
     assert gap["after_simulated_freely"] == freely >= gap["after"]
     periods = found.effects[0].parameters["periods"].value / (2 * np.pi)
     assert periods == pytest.approx(case.effects["cogging_torque"]["periods"], rel=0.01)
+
+
+@pytest.mark.slow  # two of these are a quarter of a minute
+@pytest.mark.parametrize("seed", [1, 2])
+def test_a_period_a_cycle_off_on_a_long_way_is_found_and_its_interval_allows_for_the_angles(seed):
+    """A motor of a bench with currents, which drives on for 250 rad in one log and rests in notches in others: angles that are
+    smoothed through a model of a cycle less bend to it."""
+    bare = Axis().with_values(M=3.2e-4, Fv=1.5e-5, Fc=0.0075, gain=0.0302)
+    true = {"cogging_torque.sine_q": 0.0045, "cogging_torque.cosine_q": 0.0, "cogging_torque.periods": 7.0}
+    robot = (bare + effect_by_id(bare, "cogging_torque")).with_values(**true)
+    rng, logs, n = np.random.default_rng(seed), [], 2000
+    for number in range(4):
+        if number < 3:
+            inputs = np.repeat(rng.uniform(0.2, 0.5, n // 100) * rng.choice([-1.0, 1.0], n // 100), 100)[:, None]
+        else:
+            inputs = np.where(np.arange(n) < 1200, 0.32, 0.24)[:, None]
+            inputs = inputs + 0.02 * np.repeat(rng.normal(size=n // 50), 50)[:, None]
+        hidden = {"cogging_torque": {"amplitude": 0.0045, "periods": 7.0 / (2.0 * np.pi)}}
+        plant = AXIS.with_parameters(J=3.2e-4, k=0.0302, Cv=1.5e-5, Cs=0.0075)
+        run = simulate(plant, inputs, 0.005, hidden, rtol=1e-7, atol=1e-9)
+        v = run.speeds + 0.4 * rng.standard_normal(run.speeds.shape)
+        logs.append(Log.from_arrays(f"{number}", run.t, inputs, v, bare.channels))
+    way = float(np.ptp(np.cumsum(logs[3].output("v")) * 0.005))
+    start = {name: robot.parameters[name].value for name in robot.parameters.free_names}
+    start["cogging_torque.periods"] -= 2.0 * np.pi / way
+    fit = fit_with_prescribed_angles(robot, LogSet(logs), {"v": 0.4}, start, {})
+    assert PRESCRIBED in fit.notes
+    for name in start:
+        assert abs(fit[name].value - robot.parameters[name].value) < 4.0 * fit[name].std_error, name
