@@ -11,7 +11,9 @@ def counted_speeds(fit: Fit, logs: LogSet) -> str:
     if as_positions(fit.robot, logs) is None:
         return ""
     remedy = f"fit the counts, or what the speeds add up to, with the mapping {in_a_mapping(fit.robot)}"
-    return f"{biased_by_counts(logs, closed=fed_back(fit, logs).closed)}; {remedy}."
+    # A sensor whose speeds are rounded reads whole numbers of steps, too.
+    unless = "Unless its sensor rounds it" if len(logs.channels.outputs) == 1 else "Unless their sensors round them"
+    return f"{unless}, {biased_by_counts(logs, closed=fed_back(fit, logs).closed)}; {remedy}."
 
 
 def biased_by_counts(logs: LogSet, closed: bool) -> str:

@@ -30,6 +30,7 @@ def test_they_bias_the_estimate_and_a_note_says_how_not_to(axis, tmp_path):
     closed, logs, fit = axis
     assert not fit.trustworthy and _off(fit) > 3.0
     (note,) = (note for note in fit.notes if "an encoder's counts" in note)
+    assert note.startswith("Unless ")  # a sensor rounds its speeds to steps
     assert ("a controller makes commands" in note) == closed and ("late by half a row" in note) != closed
     mapping = tomllib.loads(note.split("with the mapping ")[1].removesuffix("."))
     paths = []
