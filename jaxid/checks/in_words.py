@@ -13,7 +13,7 @@ _UNITS = frozenset({"time_unit", "unit"})
 def doubtful_units(*sets: LogSet | None) -> str:
     """A sentence on logs whose numbers no robot reaches in these units, however well a model follows them; empty where none
     are."""
-    told = of_kinds(*sets, chosen=lambda finding: finding.check in _UNITS)
+    told = of_kinds(*sets, chosen=lambda finding: finding.check in _UNITS and finding.severity != "note")
     return f"Pre-flight doubts the units of these logs, and every number here is in them: {told}." if told else ""
 
 

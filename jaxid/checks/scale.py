@@ -30,6 +30,8 @@ _ON_A_FLOOR = {"m/s": (2e-3, 30.0), "rad/s": (2e-3, 40.0)}
 """The same for the body of a robot on a floor: a yaw rate of 40 rad/s is six turns a second."""
 _COMMANDED = {"rad": (1e-4, 6.5)}
 """The same for what is commanded: a steering angle of more than a whole turn is most likely in degrees."""
+_NEITHER = {"m/s or rad/s": 1e4}
+"""What neither of two quantities reaches that a column may hold: small motors turn at thousands of rad/s."""
 _ANY = (1e-9, 1e9)
 _FEWEST, _FOLLOWS, _NEARLY = 50, 0.7, 0.5
 """Samples, and correlation, from which an angle is what the other commands, and the share of the degrees in a rad by which it
@@ -58,8 +60,8 @@ def _units(log: Log) -> Iterator[Finding]:
                 f"{peak:.3g} is usual here, which is {'much' if peak > largest else 'little'} for {unit or 'any unit'}; "
                 "map the column with the scale that gives SI units"
             )
-            # A column that may hold either of two quantities has no size of its own.
-            yield finding(log, name, None, "note" if " or " in unit else "warning", "unit", text)
+            open_ = " or " in unit and not peak > _NEITHER.get(unit, largest)
+            yield finding(log, name, None, "note" if open_ else "warning", "unit", text)
 
 
 def _contradictions(log: Log) -> Iterator[Finding]:

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from jaxid import Axis, LogSet, instrumental_variables, integral_least_squares, output_error
+from jaxid import Axis, Log, LogSet, instrumental_variables, integral_least_squares, output_error
 from jaxid.estimate.units_doubted import with_units_doubted
 
 ROBOT = Axis().change("offset", value=0.0, free=False).change("Fc", value=0.0, free=False)
@@ -28,3 +28,13 @@ def test_milliseconds_taken_for_seconds(log, method):
     assert with_units_doubted(fit, LogSet([replace(log, time=1e3 * log.time)])) is fit
     right = method(ROBOT, LogSet([log]))
     assert right.trustworthy and not any("doubts the units" in note for note in right.notes)
+
+
+@pytest.mark.parametrize(("scale", "doubted"), [(100.0, False), (1e4, True)])
+def test_a_motors_shaft_turns_at_hundreds_of_radians_a_second(axis_log, scale, doubted):
+    inputs = np.repeat([3.0, -2.0, 4.0, 0.8, -4.0, 1.5, 2.5, -3.0], 80)
+    run = axis_log("run", inputs, 0.01, 1, position=False, Fc=0.0)
+    fit = output_error(
+        ROBOT, LogSet([Log.from_arrays("run", run.time, run.inputs, {"v": scale * run.output("v")}, run.channels)])
+    )
+    assert any("doubts the units" in note for note in fit.notes) is doubted

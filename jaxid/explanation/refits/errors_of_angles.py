@@ -18,6 +18,7 @@ from .smoothed_angles import Angles
 Array = NDArray[np.float64]
 
 _DRAWS, _SEED = 12, 5
+"""Draws tell a standard error to a fifth."""
 
 
 def with_errors_of_angles(
@@ -31,9 +32,8 @@ def with_errors_of_angles(
     for _ in range(_DRAWS if ways else 0):
         angles = {}
         for name, way in ways.items():
-            since = np.sqrt(
-                np.maximum(way.std**2 - way.std[:, :1] ** 2, 0.0)
-            )  # the first is where a log begins, whatever it is
+            # Where a log begins is what it is: its ripple's phase counts from there.
+            since = np.sqrt(np.maximum(way.std**2 - way.std[:, :1] ** 2, 0.0))
             angles[name] = array(way.mean + rng.standard_normal((len(way.mean), 1)) * since)
         moved.append(np.asarray(refitted(angles)) - values)
     moved = [change for change in moved if np.isfinite(change).all()]

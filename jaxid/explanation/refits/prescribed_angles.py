@@ -154,8 +154,9 @@ def _with_strain(robot: Robot, logs: LogSet, noise: Mapping[str, float], problem
     for name in measured:
         for e, log in enumerate(logs):
             last = len(log) - 1
-            off = [float(own[name][e, last] - own[name][e, 0]) for own in (problem.prescribed, measured)]
-            strain += 0.5 * ((off[0] - off[1]) / _error_of_way(robot, log, noise, name)) ** 2
+            ways = [float(own[name][e, last] - own[name][e, 0]) for own in (problem.prescribed, measured)]
+            error = _error_of_way(robot, log, noise, name)
+            strain += 0.5 * ((ways[0] - ways[1]) / error) ** 2 if error > 0.0 else 0.0
     return float(np.nan_to_num(optimum.cost, nan=np.inf)) + strain
 
 

@@ -1,8 +1,9 @@
-"""A formula and another effect in the place of a curve of many heights, such as one of every axis of a body.
+"""A formula and another effect in the place of a law of many numbers, such as a curve of every axis of a body.
 
 So free a curve takes up what is no part of its mechanism, too: a drag of the yaw rate by heights of its own takes up the scale
 of a gyro. It leaves no more than noise, and the robot's other numbers pay for it. A formula of the same mechanism and one other
-effect, with far fewer numbers, that are likelier than the curve are what there is.
+effect, with far fewer numbers, that are likelier than the curve are what there is. So are two formulas of other mechanisms that
+are likelier than the matrix of a cross talk between four motors.
 """
 
 from collections.abc import Sequence
@@ -21,7 +22,7 @@ from .two_formulas import formulas_beside, steps_of_two
 from .worth import likelier
 
 _MANY = 6
-"""Free heights from which a curve may stand for more than its mechanism."""
+"""Free numbers from which a law may stand for more than its mechanism."""
 _OTHERS = 3
 """Mechanisms that came next whose formulas are tried, too, where the curve is not its own mechanism's."""
 _FOLLOWED = 2
@@ -41,20 +42,21 @@ def by_a_formula_and_another(
     say: Report,
 ) -> tuple[list[Step], Trial]:
     """The steps with a curve of many heights by a formula of its mechanism and another effect, where these two are likelier;
-    else as they were."""
-    curves = {e.id: e for e in current.robot.effects if isinstance(e, Curve) and _heights(e, current) >= _MANY}
-    place = next((k for k, step in enumerate(steps) if step.chosen.id in curves), None)
+    else as they were. A formula of more than two numbers a motor may be two of other mechanisms."""
+    laws_by_name = {e.id: e for e in current.robot.effects if _may_be_more(e, current)}
+    place = next((k for k, step in enumerate(steps) if step.chosen.id in laws_by_name), None)
     if place is None or current.angles:
         return list(steps), current
     refits, name = (logs, held_out, noise, say), steps[place].chosen.id
     say(f"looking whether a formula and another effect are what {steps[place].chosen.title} follows")
     bare = unfitted_without(name, current, base)
     names = [name]
-    if not curves[name].agrees(current.robot):
+    law = laws_by_name[name]
+    if not isinstance(law, Curve) or not law.agrees(current.robot):
         # It does not bend as its mechanism does, and may be another's that came near it.
         names += [trial.id for trial in steps[place].trials if trial.id != name][:_OTHERS]
-    laws = (law for own in names for law in laws_of(bare.robot, own))
-    own = [law.blurred for law in laws if not isinstance(law, Curve) and not law.repeats]
+    every = (one for own in names for one in laws_of(bare.robot, own) if (one.id, one.law) != (law.id, law.law))
+    own = [one.blurred for one in every if not isinstance(one, Curve) and not one.repeats]
     alone = formulas_beside(bare, own, refits)
     if alone is None:
         return list(steps), current
@@ -76,6 +78,8 @@ def by_a_formula_and_another(
     return steps_of_two(steps, place, beside, second, base, refits), pair
 
 
-def _heights(curve: Curve, trial: Trial) -> int:
-    """How many numbers of the curve a model has free."""
-    return sum(name.startswith(curve.key("")) for name in trial.robot.parameters.free_names)
+def _may_be_more(law: Effect, trial: Trial) -> bool:
+    """Whether a law has so many numbers free that it may stand for more than its mechanism."""
+    free = sum(name.startswith(law.key("")) for name in trial.robot.parameters.free_names)
+    motors = len(trial.robot.channels.inputs)
+    return free >= _MANY and (isinstance(law, Curve) or (free > 2 * motors and not law.repeats))

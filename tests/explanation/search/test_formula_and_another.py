@@ -136,3 +136,61 @@ def test_a_curve_that_is_not_its_own_mechanism_s_is_asked_as_formulas_of_others(
     named = [step.chosen.id for step in found]
     assert named[0] == "stribeck_friction" and "sensor_scale" in {named[1], *found[1].equivalent}
     assert after.free < curve.free and after.held_out.normalised_rms < 1.05
+
+
+FOUR = Custom(
+    dynamics=lambda s, u, p: {
+        "V": (u["a"] + u["b"] + u["c"] + u["d"] - p["B"] * s["V"]) / p["M"],
+        "Vn": (u["b"] + u["c"] - u["a"] - u["d"] - p["B"] * s["Vn"]) / p["M"],
+        "W": (0.3 * (u["b"] + u["d"] - u["a"] - u["c"]) - p["Bw"] * s["W"]) / p["J"],
+    },
+    state_names=("V", "Vn", "W"),
+    own_channels=Channels(
+        inputs=tuple("abcd"),
+        outputs=("V", "Vn", "W"),
+        units={**dict.fromkeys("abcd", "N"), "V": "m/s", "Vn": "m/s", "W": "rad/s"},
+    ),
+    table={
+        "M": Parameter(20.0, "kg", free=True, lower=0.0),
+        "B": Parameter(15.0, "N s/m", free=True, lower=0.0),
+        "J": Parameter(1.0, "kg m^2", free=True, lower=0.0),
+        "Bw": Parameter(2.0, "N m s/rad", free=True, lower=0.0),
+    },
+    forces={"V": "M", "Vn": "M", "W": "J"},
+    turning="W",
+    plane=("V", "Vn", "W"),
+)
+
+
+def driven_by_four(seed):
+    """A body on four wheels, the third of which has 0.88 of its force, and 30 N s/m more friction sideways."""
+    random = np.random.default_rng(seed)
+    forces = np.repeat(random.uniform(-20.0, 20.0, (24, 4)), 25, axis=0)
+    state, found = np.zeros(3), []
+    for a, b, c, d in forces * [1.0, 1.0, 0.88, 1.0]:
+        found.append(state.copy())
+        pushes = np.array([a + b + c + d, b + c - a - d, 0.3 * (b + d - a - c)])
+        for _ in range(40):
+            state += 0.02 / 40 * (pushes - np.array([15.0, 45.0, 2.0]) * state) / [20.0, 20.0, 1.0]
+    seen = np.array(found) + NOISE * random.normal(size=(600, 3))
+    return Log.from_arrays(f"{seed}", 0.02 * np.arange(600), forces, seen, FOUR)
+
+
+def test_a_weak_motor_and_friction_sideways_are_no_cross_talk_of_four_motors():
+    logs, held_out = (LogSet([driven_by_four(seed) for seed in seeds]) for seeds in (range(4), (20, 21)))
+    noise = dict.fromkeys(("V", "Vn", "W"), NOISE)
+
+    def fitted(model):
+        start = {name: model.parameters[name].value for name in model.parameters.free_names}
+        return refit(model, [start], logs, held_out, noise, {})
+
+    base = fitted(scaled_to(FOUR, logs))
+    cross, gain = (
+        continued(fitted(base.robot + effect_by_id(base.robot, name)), logs, held_out, noise)
+        for name in ("motor_cross_talk", "motor_gain_mismatch")
+    )
+    assert cross.score < gain.score  # so that cross talk was the name
+    steps = [Step((cross, gain), (), (), base, cross, (cross,))]
+    found, after = by_a_formula_and_another(steps, cross, base, (), logs, held_out, noise, lambda message: None)
+    assert [step.chosen.id for step in found] == ["motor_gain_mismatch", "sideways_friction"]
+    assert after.held_out.normalised_rms < 1.05 and after.score < cross.score
