@@ -112,6 +112,7 @@ def test_what_is_wrong_with_steering_is_named_and_nothing_else(kind, size, named
     assert abs(wheelbase.value - TRUE["wheelbase"]) < 3.0 * wheelbase.std_error
 
 
+@pytest.mark.slow  # twelve seconds
 def test_a_servo_of_a_largest_speed_is_looked_for_at_times_from_which_a_slope_leads_on():
     """At a time of zero there is none: a refit from there ends at the speed alone."""
     law = effect_by_id(CAR, "steering_lag", "servo")

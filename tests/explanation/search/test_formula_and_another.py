@@ -63,6 +63,7 @@ def by_a_curve(drag, scale):
     return [Step((curve,), (), (), base, curve, (curve,))], curve, base, logs, held_out, noise
 
 
+@pytest.mark.slow  # ten seconds; the one below takes the same way
 def test_a_drag_and_the_scale_of_a_gyro_are_no_drag_of_every_axis():
     steps, current, base, *logs = by_a_curve(DRAG, SCALE)
     assert current.held_out.normalised_rms < 1.1 and current.free - base.free >= 6
