@@ -60,6 +60,7 @@ def _units(log: Log) -> Iterator[Finding]:
                 f"{peak:.3g} is usual here, which is {'much' if peak > largest else 'little'} for {unit or 'any unit'}; "
                 "map the column with the scale that gives SI units"
             )
+            # A column that may hold either of two quantities has no size of its own, up to what neither reaches.
             open_ = " or " in unit and not peak > _NEITHER.get(unit, largest)
             yield finding(log, name, None, "note" if open_ else "warning", "unit", text)
 

@@ -47,6 +47,17 @@ def readout_of(robot: Robot, outputs: tuple[str, ...]) -> Array | None:
     return _inverse(seen, len(names))
 
 
+@in_float64
+def angle_rates_of(robot: Robot) -> Array:
+    """The matrix [angles, outputs] that makes the rates of a robot's angles of its outputs, where these tell its velocities."""
+    outputs, rest, columns = robot.channels.outputs, robot.initial_state(), []
+    for name in outputs:
+        one = velocities_of(robot, {each: np.full(1, float(each == name)) for each in outputs}, np.zeros(1))
+        rates = robot.angle_rates({**rest, **one}, robot.parameters.numbers)
+        columns.append([float(np.asarray(rate).reshape(-1)[0]) for rate in rates])
+    return np.array(columns).T
+
+
 @cache
 @in_float64
 def wheel_readout(robot: Robot) -> Array | None:

@@ -16,7 +16,7 @@ from ..logs import Log, LogSet
 from ..logs.counts import added_up
 from ..robots.robot import Robot
 from ..robots.wheel_angles import measuring_angles
-from .reckoning import velocities_of
+from .reckoning import angle_rates_of
 
 Array = NDArray[np.float64]
 _ALIKE = 1.1
@@ -49,12 +49,7 @@ def _positions(robot: Robot) -> _Positions | None:
         return _Positions(measuring, tuple(names[0] for names in own.values()), np.eye(len(outputs)))
     if measuring is robot or measuring.measured_angles != robot.angles or not robot.velocities:
         return None
-    rest, columns = robot.initial_state(), []
-    for name in outputs:
-        one = velocities_of(robot, {each: np.full(1, float(each == name)) for each in outputs}, np.zeros(1))
-        rates = robot.angle_rates({**rest, **one}, robot.parameters.numbers)
-        columns.append([float(np.asarray(rate).reshape(-1)[0]) for rate in rates])
-    weights = np.array(columns).T
+    weights = angle_rates_of(robot)
     return _Positions(measuring, robot.angles, weights) if np.isfinite(weights).all() else None
 
 

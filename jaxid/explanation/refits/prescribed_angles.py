@@ -20,17 +20,19 @@ from ...estimate.output_error.reweighted import reweighted
 from ...estimate.output_error.setup import build
 from ...estimate.output_error.solvers import minimise_compiled
 from ...estimate.result import Fit
-from ...logs import Log, LogSet
+from ...logs import LogSet
 from ...robots.robot import Robot
 from ...robots.scales import Scales
 from ...simulation.integrated_angles import integrated_angles
-from ...simulation.reckoning import velocities_of
+from ...simulation.reckoning import angle_rates_of
 from ...simulation.scaled import scales_of
 from ..left.heldout import HeldOut, held_out_state
 from .errors_of_angles import with_errors_of_angles
 from .smoothed_angles import WANDER, Angles, smoothed_angles, smoothed_ways
 
-PRESCRIBED_STEPS, _HORIZON_STEPS, _FEW = 10, 5, 4
+PRESCRIBED_STEPS, _HORIZON_STEPS = 10, 5
+_FEW = 4
+"""Steps from an optimum to the one beside it of angles that are a little others."""
 _SMOOTHINGS = 10
 """Most times that the wheels' angles are smoothed anew through the model that they improved."""
 _TRUSTED = 5.0
@@ -151,23 +153,15 @@ def _with_strain(robot: Robot, logs: LogSet, noise: Mapping[str, float], problem
     """The cost, with what the prescribed ways are off those that the measured speeds add up to: angles bend to the model that
     they are smoothed through, at a period, too, that makes a cycle more or less of a long way than there are."""
     measured, strain = integrated_angles(robot, logs), 0.0
+    shares = dict(zip(robot.angles, angle_rates_of(robot), strict=True)) if measured else {}
+    sigma = np.array([noise[name] for name in robot.channels.outputs]) if measured else np.zeros(0)
     for name in measured:
+        rate = float(np.linalg.norm(shares[name] * sigma))
         for e, log in enumerate(logs):
-            last = len(log) - 1
+            last, error = len(log) - 1, rate * float(np.linalg.norm(np.diff(log.time)))
             ways = [float(own[name][e, last] - own[name][e, 0]) for own in (problem.prescribed, measured)]
-            error = _error_of_way(robot, log, noise, name)
             strain += 0.5 * ((ways[0] - ways[1]) / error) ** 2 if error > 0.0 else 0.0
     return float(np.nan_to_num(optimum.cost, nan=np.inf)) + strain
-
-
-def _error_of_way(robot: Robot, log: Log, noise: Mapping[str, float], name: str) -> float:
-    """Standard deviation of the way that an angle went in a log, by its measured speeds alone."""
-    rest, variance = robot.initial_state(), 0.0
-    for channel in log.channels.outputs:
-        one = velocities_of(robot, {c: np.full(1, float(c == channel)) for c in log.channels.outputs}, np.zeros(1))
-        rates = dict(zip(robot.angles, robot.angle_rates({**rest, **one}, robot.parameters.numbers), strict=True))
-        variance += (float(np.asarray(rates[name]).reshape(-1)[0]) * noise[channel]) ** 2
-    return float(np.sqrt(variance * np.sum(np.square(np.diff(log.time)))))
 
 
 def predicted(robot: Robot, held_out: LogSet, noise: Mapping[str, float]) -> HeldOut:
