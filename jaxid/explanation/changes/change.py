@@ -185,6 +185,7 @@ class ExplainedChange:
     - `noticeable`: the smallest changes that would have been noticed; `unseen`: what these logs do not show at all.
     - `lacked`: what the model lacks in both sets is much like these mechanisms; `before` and `after` are fits with them, and
       compared so.
+    - `freed`: constants, with the table's values, for which both sets have others; `before` and `after` are fits of them, too.
     - `only_noise`: whether the change leaves no more of both sets than their sensors' noise, whatever their own fits lack.
     - `looked`: all candidates, the likeliest first. `held_out_gain`: drop of chi-squared on held-out logs by the change, NaN
       without.
@@ -206,19 +207,31 @@ class ExplainedChange:
     doubts: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
     lacked: tuple[str, ...] = ()
+    freed: dict[str, float] = field(default_factory=dict)
     only_noise: bool = False
     origin: Origin | None = field(default=None, kw_only=True, compare=False, repr=False)
 
     @property
     def sentence(self) -> str:
-        """The verdict in one sentence, and what both sets lacked in another."""
-        if not self.lacked:
-            return self._changed
-        names = " and ".join(map(in_words, self.lacked))
-        return (
-            f"{self._changed} The model lacks something in both sets, much like {names}: both were fitted again with that, and "
-            "compared so. What it is, an explanation of one set says."
-        )
+        """The verdict in one sentence, and what both sets lacked, or contradict of the table, in others."""
+        said = self._changed
+        if self.freed:
+            one, other = self.before.robot.parameters, self.after.robot.parameters
+            values = [
+                f"{name} of {value:.3g}{' ' if one[name].unit else ''}{one[name].unit} "
+                f"({one[name].value:.3g} before, {other[name].value:.3g} after)"
+                for name, value in self.freed.items()
+            ]
+            said += (
+                f" Both sets contradict the table's {' and '.join(values)}: estimated in both, they were compared so."
+            )
+        if self.lacked:
+            names = " and ".join(map(in_words, self.lacked))
+            said += (
+                f" The model lacks something in both sets, much like {names}: both were fitted again with that, and compared "
+                "so. What it is, an explanation of one set says."
+            )
+        return said
 
     @property
     def _changed(self) -> str:
@@ -336,6 +349,7 @@ class ExplainedChange:
                 "unsound": self.unsound,
                 "notes": list(self.notes),
                 "lacked": list(self.lacked),
+                "freed": self.freed,
             }
         )
 

@@ -6,6 +6,7 @@ more of the difference than two separate models would, and follows both sets ali
 """
 
 from collections.abc import Callable, Mapping
+from types import MappingProxyType
 
 import numpy as np
 
@@ -26,7 +27,7 @@ from .beside import changed_beside
 from .candidates import EACH, Side
 from .change import ExplainedChange, Looked, Noticeable, Verdict
 from .first_look import FirstLook, Score, first_look
-from .in_both import fitted_with, lacking_in_both
+from .in_both import constants_of_both, fitted_with, lacking_in_both
 from .joint import SIDES, Colours, Joint, Pair, refit
 from .judged import Worse, differ_at_all, follows_one_worse, noticed_from
 from .named import named
@@ -143,9 +144,10 @@ def _explained(
     report: Callable[[str], None],
     lacked: tuple[str, ...] = (),
     gained: float = 0.0,
+    freed: Mapping[str, float] = MappingProxyType({}),
 ) -> ExplainedChange:
     """`explain_change` of two fits to which what both sets lacked (`lacked`, mechanisms, of which one `gained` so much in
-    chi-squared) has been added."""
+    chi-squared) has been added, and that estimate what both contradict of the table (`freed`, with its values)."""
     sides: dict[Side, SetOfLogs] = {"before": side_of(before, logs[0]), "after": side_of(after, logs[1])}
     pair = Pair.of(before.robot, before.free_names, sides)
     # What two poor fits leave is more than noise, and no change: one alone may lack just what has changed.
@@ -174,15 +176,27 @@ def _explained(
         trials, likeliest, null, colours = refitted(pair, look, null, held_out, report)
         best, *equivalent = simplest_first(trials, null, poor)
         equivalent += only_later(best, [t for t in trials if all(t is not own for own in (best, *equivalent))], null)
+        likely = [best, trials[0], *(trial for trial in trials if trial.score.own)][:3]
+        constants = constants_of_both(pair, [trial.joint for trial in likely], colours)
+        if constants is not None:
+            names, joint = constants
+            again = fitted_with(before, after, logs, names, joint)
+            if again is not None:
+                report(
+                    f"both sets follow another {' and '.join(names)} than the table's; both fitted and compared with it"
+                )
+                wrong = {name: before.robot.parameters[name].value for name in names}
+                return _explained(*again, logs, held_out, level, report, lacked, gained, {**freed, **wrong})
         tried = [trial.joint for trial in trials if not trial.score.own]
         lacking = lacking_in_both(pair, look, tried, null, best.joint, colours) if len(lacked) <= _IN_BOTH else None
         if lacking is not None:
-            said = f"{in_words(_mechanism(lacking[0]))} explains more where both sets have it than any change does"
-            again = fitted_with(before, after, logs, *lacking) if len(lacked) < _IN_BOTH else None
+            candidate, both = lacking
+            said = f"{in_words(candidate.id)} explains more where both sets have it than any change does"
+            again = fitted_with(before, after, logs, candidate, both) if len(lacked) < _IN_BOTH else None
             if again is not None:
                 report(f"{said}; both fitted and compared with it")
-                names, gain = (*lacked, _mechanism(lacking[0])), null.squares - lacking[1].squares
-                return _explained(*again, logs, held_out, level, report, names, max(gain, gained))
+                most = max(null.squares - both.squares, gained)
+                return _explained(*again, logs, held_out, level, report, (*lacked, candidate.id), most, freed)
             doubts = [f"{said}: the model lacks it"]
         worse = follows_one_worse(pair, best.joint.residuals)
     rows = sum(int(own.there.sum()) for own in pair.sides.values())
@@ -247,6 +261,7 @@ def _explained(
         doubts=tuple(doubts),
         notes=notes,
         lacked=lacked,
+        freed=dict(freed),
         only_noise=best is not None and verdict != "unexplained" and _only_noise(pair, best.joint),
     )
 
@@ -255,11 +270,6 @@ def _only_noise(pair: Pair, joint: Joint) -> bool:
     """Whether a refit leaves no more of either set than its noise."""
     left = (joint.residuals[side][own.there] for side, own in pair.sides.items())
     return all(float(np.sqrt(np.mean(np.square(r)))) < _NO_MORE for r in left)
-
-
-def _mechanism(joint: Joint) -> str:
-    """The mechanism that a refit lets appear or vanish."""
-    return joint.candidate.id if joint.candidate is not None else ""
 
 
 def _separate(pair: Pair, after: Fit, colours: Colours) -> float:

@@ -2,7 +2,7 @@
 
 Two sets of logs drive a robot differently. What its model lacks then shows more in one set than in the other, and a mechanism
 that "appeared" in that one explains part of the difference, although it was there before. Or it was there, and has grown: what
-"appeared" then has the size that it grew to.
+"appeared" then has the size that it grew to. A constant of the table that is wrong in both passes for a change likewise.
 """
 
 from collections.abc import Sequence
@@ -14,9 +14,10 @@ from ...estimate.output_error.output_error import output_error
 from ...estimate.result import Fit
 from ...logs import LogError, LogSet
 from ...parameters import ParameterError
-from .candidates import of_numbers
+from .candidates import Candidate, of_numbers
 from .first_look import FirstLook
 from .joint import SIDES, Colours, Joint, Pair, numbers_on, refit, with_candidate
+from .trials import price
 
 _MOST, _FEW = 8, 3
 """Mechanisms that are tried in both sets, and steps of their refits in one."""
@@ -24,6 +25,8 @@ _MUCH = 0.5
 """Share of what the best change explains from which a mechanism that came or went may have been there, of another size."""
 _MORE = 0.005
 """Share of that by which its being there explains more: squares of a size that is some seven per cent of the change."""
+_LITTLE = 0.2
+"""Share of a constant's change that is left of it where both sets have another value than the table's, if it did not change."""
 
 
 def _shared(pair: Pair, joint: Joint) -> Pair:
@@ -52,11 +55,11 @@ def _each_with_its_own(pair: Pair, joint: Joint, both: Joint, colours: Colours) 
 
 def lacking_in_both(
     pair: Pair, look: FirstLook, refitted: Sequence[Joint], null: Joint, best: Joint, colours: Colours
-) -> tuple[Joint, Joint] | None:
+) -> tuple[Candidate, Joint] | None:
     """Of the mechanisms that appeared or vanished at the first `look` the one that explains most where both sets have it, in
     the same numbers or in their own, refitted in one (some are already) and in both; None where none explains more than the
     `best` change does. `null` is the refit without any."""
-    rows = float(np.log(sum(int(own.there.sum()) for own in pair.sides.values())))
+    rows = price(pair)
     explained = null.squares - best.squares
     scores = [score for score in look.scores if not score.own and score.gain > 0.0]
     first = {score.candidate.id: score for score in reversed(scores)}  # of both sides the likelier
@@ -66,30 +69,69 @@ def lacking_in_both(
         if score.candidate.id not in there:
             start = score.delta if np.all(np.isfinite(score.delta)) else None
             joints.append(refit(pair, score.candidate, colours, best.theta, start, steps=_FEW))
-    found: list[tuple[float, Joint, Joint]] = []
+    found: list[tuple[float, Candidate, Joint]] = []
     for joint in joints:
+        assert joint.candidate is not None
         both = both_with(pair, joint, colours)
         if both.squares < best.squares:
-            found.append((both.squares + rows * len(joint.delta), joint, both))
+            found.append((both.squares + rows * len(joint.delta), joint.candidate, both))
         elif null.squares - joint.squares > _MUCH * explained:
             each = _each_with_its_own(pair, joint, both, colours)
             cost = rows * len(each.delta)
             if each.squares + cost < best.squares - _MORE * explained:
-                found.append((each.squares + 2.0 * cost, joint, each))
+                found.append((each.squares + 2.0 * cost, joint.candidate, each))
     return min(found, key=lambda own: own[0])[1:] if found else None
 
 
+def constants_of_both(pair: Pair, likely: Sequence[Joint], colours: Colours) -> tuple[tuple[str, ...], Joint] | None:
+    """Constants of the table that one of the `likely` changes moves in one set, and that hardly change where both sets may have
+    other values than the table's, with the refit in which they do, if that explains as much as any of these; None where there
+    is none."""
+    most = min(joint.squares for joint in likely)
+    asked: set[tuple[str, ...]] = set()
+    for joint in likely:
+        fixed = tuple(own for own in (joint.candidate.own if joint.candidate else ()) if own not in pair.free)
+        if not fixed or fixed in asked:
+            continue
+        asked.add(fixed)
+        both = _of_both(pair, joint, fixed, colours)
+        same = tuple(own for own in fixed if abs(_moved(both, own)) < _LITTLE * abs(_moved(joint, own)))
+        if same and same != fixed:
+            both = _of_both(pair, joint, same, colours)
+        if same and both.squares + price(pair) * len(same) < most:
+            return same, both
+    return None
+
+
+def _of_both(pair: Pair, joint: Joint, constants: Sequence[str], colours: Colours) -> Joint:
+    """The change of `joint` again, with the `constants` of both sets beside it."""
+    shared = replace(pair, free=(*pair.free, *constants))
+    theta = np.concatenate([joint.theta, [pair.robot.parameters[name].value for name in constants]])
+    return refit(shared, joint.candidate, colours, theta, joint.delta, joint.states)
+
+
+def _moved(joint: Joint, parameter: str) -> float:
+    """By how much a change moves a parameter."""
+    assert joint.candidate is not None
+    return float(next(d for c, d in zip(joint.candidate.coordinates, joint.delta, strict=True) if c.of == parameter))
+
+
 def fitted_with(
-    before: Fit, after: Fit, logs: tuple[LogSet, LogSet], lacking: Joint, both: Joint
+    before: Fit, after: Fit, logs: tuple[LogSet, LogSet], lacking: Candidate | Sequence[str], both: Joint
 ) -> tuple[Fit, Fit] | None:
-    """Both fits again with what both sets lack; None where they were made in windows or do not follow."""
-    if before.window is not None or lacking.candidate is None:
+    """Both fits again with what both sets lack, a mechanism or constants to be estimated, from the refit of `both`; None where
+    they were made in windows or do not follow."""
+    if before.window is not None:
         return None
-    found = []
-    names = (*before.free_names, *(c.name for c in lacking.candidate.coordinates))
+    mechanism = lacking if isinstance(lacking, Candidate) else None
+    freed = [c.name for c in lacking.coordinates] if isinstance(lacking, Candidate) else list(lacking)
+    found, names = [], (*before.free_names, *freed)
     for fit, own, side in zip((before, after), logs, SIDES, strict=True):
-        robot = with_candidate(fit.robot, lacking.candidate)
-        numbers = numbers_on(side, robot, names, both.candidate, both.theta, both.delta)
+        robot = with_candidate(fit.robot, mechanism)
+        for name in freed if mechanism is None else ():
+            robot = robot.change(name, free=True)
+        carries = with_candidate(robot, both.candidate)
+        numbers = numbers_on(side, carries, names, both.candidate, both.theta, both.delta)
         start = {name: numbers[name] for name in names}
         try:
             found.append(output_error(robot, own, start=start))
