@@ -16,6 +16,7 @@ from ..logs import LogSet
 from ..logs.noise import as_sampled, usual_size
 from .confidence.agreement import counted_channels, diverging, errors_of, rms
 from .judgement import Judgement, Verdict
+from .noise_colour import innovations_related
 from .odd_log import odd_log
 from .offset import offset
 from .prior_conflict import prior_conflicts
@@ -136,6 +137,7 @@ def judge(
     own_error: Mapping[str, float] | None = None,
     moved: Sequence[Array] | None = None,
     unrelated: Collection[str] = (),
+    fed_back: bool = False,
 ) -> Judgement:
     """Judge a fit by what it simulates of the logs it was fitted to.
 
@@ -199,7 +201,7 @@ def judge(
             continue
         there = [c in errors[k] for k in kept]
         mine = {name: [x for x, ok in zip(own_, there, strict=True) if ok] for name, own_ in driving.items()}
-        found = relation(told[c], mine)
+        found = (innovations_related if fed_back and c in coloured else relation)(told[c], mine)
         large = pooled > POOR and c in coloured
         # Without rounding, which is most of some sensors' noise, a model's errors show that are nothing beside it.
         size = np.sqrt(found.share) * rms(np.concatenate(told[c])) / noise[c]

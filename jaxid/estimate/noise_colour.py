@@ -4,7 +4,7 @@ Neighbouring errors of many sensors are related: filtered speeds, differences of
 autoregression of each channel describes that (Box & Jenkins, Time Series Analysis, 1976; the order by Schwarz's criterion).
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Self
 
@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from scipy.linalg import toeplitz
 
 from .._filters import autoregressive
-from .residual_tests import autocorrelation
+from .residual_tests import Relation, autocorrelation, relation
 
 Array = NDArray[np.float64]
 
@@ -116,6 +116,15 @@ class Colour:
         return found
 
 
+def made_white(colours: Sequence[Colour], values: Array, mask: NDArray[np.bool_]) -> Array:
+    """Innovations of `values` [E, T, ny, *], channel by channel, of every log where `mask` [E, T, ny]."""
+    found = np.zeros_like(values)
+    for c, colour in enumerate(colours):
+        for e, there in enumerate(mask[..., c]):
+            found[e, :, c] = np.moveaxis(colour.whiten(np.moveaxis(values[e, :, c], 0, -1), there), -1, 0)
+    return found
+
+
 def colour_of(parts: Sequence[Array]) -> Colour:
     """The colour of one channel's residual, `parts` [T] of each log, NaN where not measured. Its mean is not taken off."""
     parts = [part[np.isfinite(part)] for part in parts]
@@ -155,3 +164,16 @@ def colour_in_stretches(residual: Sequence[Array], window: int) -> Colour:
             best = abs(neighbours / variance - rho[1])
             found = Colour.first_order(float(np.sqrt(square / variance)), float(memory))
     return found
+
+
+def innovations_related(parts: Sequence[Array], drivers: Mapping[str, Sequence[Array]]) -> Relation:
+    """`relation` of a residual's innovations to the `drivers`, filtered alike: in a closed loop coloured noise itself is
+    related to what it drove."""
+    colour = colour_of(parts)
+    there = [np.isfinite(part) for part in parts]
+    white = [np.where(here, colour.whiten(own, here), np.nan) for own, here in zip(parts, there, strict=True)]
+    alike = {
+        name: [colour.whiten(own, here) for own, here in zip(values, there, strict=True)]
+        for name, values in drivers.items()
+    }
+    return relation(white, alike)

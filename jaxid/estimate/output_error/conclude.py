@@ -23,6 +23,7 @@ from .counted_speeds import counted_speeds
 from .evaluation import simulated
 from .from_optimum import AtBounds, fit_at, known_spread
 from .impossible import without_impossible
+from .in_a_loop import in_a_loop
 from .innovations import innovations
 from .lost_rows import lost_rows
 from .neglected import neglected
@@ -36,6 +37,11 @@ Covariance = Literal["auto", "white", "robust"]
 Rivals = Mapping[str, Callable[[], Unknowns | None]]
 _OUTLYING = 0.3
 """Root of a robust loss's weight below which a sample is an outlier and no part of the residual that is judged."""
+
+FED_BACK = (
+    "A controller made commands of coloured noise of the sensors: the parameters are estimated from the whitened residual "
+    "(generalised least squares), which such a loop does not bias."
+)
 
 
 def simulated_at(structure: Structure, problem: Problem, unknowns: Unknowns, logs: LogSet) -> list[NDArray[np.float64]]:
@@ -155,9 +161,22 @@ def conclude(
             if there is not None:
                 found[words] = outputs(problem, there._replace(states=optimum.unknowns.states))
         judgement = judge(seen, here, noise, others=found, own_error=own_error, moved=moved, unrelated=unrelated)
+    loop = None
+    if whole is None and read is None and not judgement.white and judgement.verdict != "failed":
+        loop = in_a_loop(structure, bounded.problem, optimum.unknowns, logs)
+    if loop is not None:
+        there = outputs(bounded.problem, loop.unknowns)
+        fed_back = judge(seen, there, noise, own_error=own_error, fed_back=True)
+        # Else it is the model that lacks something, and the colour is that of its errors.
+        if fed_back.trustworthy:
+            judgement, optimum = fed_back, optimum._replace(unknowns=loop.unknowns)
+            bounded = bounded._replace(optimum=optimum)
+        else:
+            loop = None
     robust = covariance == "robust" or (covariance == "auto" and not (judgement.white and read is None))
     as_read = problem if read is None else replace(problem, outputs=read)
-    found = robust_covariance(structure, as_read, inner.unknowns) if robust else None
+    colours = loop.colours if loop is not None else ()
+    found = robust_covariance(structure, as_read, inner.unknowns, colours) if robust or colours else None
     known = known_spread(problem, inner).covariance
     matrix = bread**2 * found.with_lost(known) if found else None
     fit = fit_at(robot, logs, structure, problem, inner, bounded, covariance=matrix, left_out=left_out, **others)
@@ -167,12 +186,15 @@ def conclude(
     fit = replace(fit, standard_errors="robust" if robust else "white")
     if judgement.trustworthy and whole is None and integration is not None:
         there, at = bounded.problem, optimum.unknowns
-        lacking = neglected(fit.robot, logs, structure, there, at, white=bool(judgement.white), error=integration)
+        asked = {"white": bool(judgement.white), "error": integration, "colours": colours}
+        lacking = neglected(fit.robot, logs, structure, there, at, **asked)
         if lacking is not None and lacking.p_value < FALSE_ALARM:
             marked = lacking.p_value, lacking.moves(fit)
             judgement = replace(judgement.doubted(lacking.sentence(fit)), marked=marked)
         elif lacking is not None and lacking.worth_a_note(fit):
             fit = replace(fit, notes=(*fit.notes, f"{lacking.sentence(fit)} {LOOK_FURTHER}"))
+    if loop is not None:
+        fit = replace(fit, notes=(*fit.notes, FED_BACK))
     unknown = lost_rows(fit, logs, structure, bounded.problem, optimum.unknowns)
     alone = one_way(fit, whole[0] if whole else logs)
     counted = "" if judgement.trustworthy or whole is not None else counted_speeds(fit, logs)

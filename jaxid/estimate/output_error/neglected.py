@@ -12,6 +12,7 @@ Commands that were rounded before they were logged move a simulation along these
 integrates by more than its noise lets pass. What they do is drawn, and allowed for.
 """
 
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
 from typing import NamedTuple
@@ -26,6 +27,7 @@ from ..._distributions import f_tail, student_tail
 from ...logs import LogSet
 from ...robots.robot import Robot
 from ..lacking import HINT, WAYS, Neglected, probed, ways_of, words_of
+from ..noise_colour import Colour, made_white
 from ..residual_tests import FALSE_ALARM as COLOURED
 from ..residual_tests import whiteness
 from ..rounded_inputs import as_they_may_have_been, written_step
@@ -213,12 +215,21 @@ def _white_without(problem: Problem, d: _Directions, scores: Array) -> bool:
 
 
 def neglected(
-    robot: Robot, logs: LogSet, structure: Structure, problem: Problem, unknowns: Unknowns, *, white: bool, error: float
+    robot: Robot,
+    logs: LogSet,
+    structure: Structure,
+    problem: Problem,
+    unknowns: Unknowns,
+    *,
+    white: bool,
+    error: float,
+    colours: Sequence[Colour] = (),
 ) -> Neglected | None:
     """What the residual at the optimum `unknowns` most plainly asks for, None where that may be chance.
 
     `robot` has the estimates. `error` is the RMS of the simulation's own error in units of the noise, which may lie along
-    any one direction. None for a controlled robot. Call under float64.
+    any one direction. `colours` are those of noise that a controller feeds back: its innovations are then asked. None for a
+    controlled robot. Call under float64.
     """
     if robot.controlled:
         return None
@@ -236,6 +247,9 @@ def neglected(
     freedom = samples - jacobian.shape[-1]
     if freedom < _FEWEST or not (np.isfinite(residual).all() and np.isfinite(jacobian).all()):
         return None
+    if colours:
+        residual, jacobian = (made_white(colours, x, np.asarray(problem.mask)) for x in (residual, jacobian))
+        white = True
     d = _directions(problem, len(structure.names), len(added), residual, jacobian)
     if not d.kept.size:
         return None

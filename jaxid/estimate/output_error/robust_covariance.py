@@ -13,6 +13,7 @@ Neither sees what differs between recordings of one robot (a load, a temperature
 than the standard errors and by more than chance, these are widened to the scatter.
 """
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -20,6 +21,7 @@ from jaxtyping import Bool, Float
 from numpy.typing import NDArray
 
 from ..._distributions import chi_squared_tail
+from ..noise_colour import Colour, made_white
 from .evaluation import sensitivities_at
 from .problem import Problem, Structure, Unknowns
 
@@ -163,11 +165,15 @@ def _between(scores, information, inverse, covariance) -> NDArray[np.float64]:
     return np.where(sure, np.sqrt(np.maximum(ratio, 1.0)), 1.0)
 
 
-def robust_covariance(structure: Structure, problem: Problem, unknowns: Unknowns) -> Robust:
+def robust_covariance(
+    structure: Structure, problem: Problem, unknowns: Unknowns, colours: Sequence[Colour] = ()
+) -> Robust:
     """Covariance of the physical parameters at the optimum `unknowns`, for coloured residuals, NaN where the sensitivities are
-    beyond all numbers. Call under float64."""
+    beyond all numbers; of whitened ones where the channels' `colours` are given. Call under float64."""
     residual, jacobian = (np.asarray(x) for x in sensitivities_at(structure, problem, unknowns))
     mask = np.asarray(problem.mask)
+    if colours:
+        residual, jacobian = (made_white(colours, own, mask) for own in (residual, jacobian))
     n, s = len(structure.names), len(structure.state_names)
     E, T = residual.shape[:2]
     samples = int(np.any(mask, axis=-1).sum())

@@ -187,8 +187,7 @@ def _explained(
                 )
                 wrong = {name: before.robot.parameters[name].value for name in names}
                 return _explained(*again, logs, held_out, level, report, lacked, gained, {**freed, **wrong})
-        tried = [trial.joint for trial in trials if not trial.score.own]
-        lacking = lacking_in_both(pair, look, tried, null, best.joint, colours) if len(lacked) <= _IN_BOTH else None
+        lacking = lacking_in_both(pair, look, trials, null, best, colours, poor) if len(lacked) <= _IN_BOTH else None
         if lacking is not None:
             candidate, both = lacking
             said = f"{in_words(candidate.id)} explains more where both sets have it than any change does"

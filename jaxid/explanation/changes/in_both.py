@@ -17,7 +17,7 @@ from ...parameters import ParameterError
 from .candidates import Candidate, of_numbers
 from .first_look import FirstLook
 from .joint import SIDES, Colours, Joint, Pair, numbers_on, refit, with_candidate
-from .trials import price
+from .trials import NEARLY, Trial, price
 
 _MOST, _FEW = 8, 3
 """Mechanisms that are tried in both sets, and steps of their refits in one."""
@@ -54,32 +54,35 @@ def _each_with_its_own(pair: Pair, joint: Joint, both: Joint, colours: Colours) 
 
 
 def lacking_in_both(
-    pair: Pair, look: FirstLook, refitted: Sequence[Joint], null: Joint, best: Joint, colours: Colours
+    pair: Pair, look: FirstLook, trials: Sequence[Trial], null: Joint, best: Trial, colours: Colours, poor: bool
 ) -> tuple[Candidate, Joint] | None:
     """Of the mechanisms that appeared or vanished at the first `look` the one that explains most where both sets have it, in
-    the same numbers or in their own, refitted in one (some are already) and in both; None where none explains more than the
-    `best` change does. `null` is the refit without any."""
+    the same numbers or in their own, with that refit (in one set some of the `trials` are refitted already); None where none
+    explains more than the `best` change does. `null` is the refit without any. Numbers of its own in each set follow whatever
+    two `poor` fits leave: of another mechanism than the best they have to explain more by as much as tells two changes beside
+    such."""
     rows = price(pair)
-    explained = null.squares - best.squares
+    explained = null.squares - best.joint.squares
     scores = [score for score in look.scores if not score.own and score.gain > 0.0]
     first = {score.candidate.id: score for score in reversed(scores)}  # of both sides the likelier
-    joints = [joint for joint in refitted if joint.candidate is not None]
-    there = {joint.candidate.id for joint in joints if joint.candidate is not None}
+    joints = [(t.joint, t.score.candidate) for t in trials if not t.score.own]
+    there = {candidate.id for _, candidate in joints}
     for score in sorted(first.values(), key=lambda s: -s.gain)[:_MOST]:
         if score.candidate.id not in there:
             start = score.delta if np.all(np.isfinite(score.delta)) else None
-            joints.append(refit(pair, score.candidate, colours, best.theta, start, steps=_FEW))
+            joints.append((refit(pair, score.candidate, colours, best.joint.theta, start, steps=_FEW), score.candidate))
+    grown = best.joint.squares - _MORE * explained
+    other = min(grown, min(t.joint.squares for t in trials) - NEARLY * explained) if poor else grown
     found: list[tuple[float, Candidate, Joint]] = []
-    for joint in joints:
-        assert joint.candidate is not None
+    for joint, candidate in joints:
         both = both_with(pair, joint, colours)
-        if both.squares < best.squares:
-            found.append((both.squares + rows * len(joint.delta), joint.candidate, both))
+        if both.squares < best.joint.squares:
+            found.append((both.squares + rows * len(joint.delta), candidate, both))
         elif null.squares - joint.squares > _MUCH * explained:
             each = _each_with_its_own(pair, joint, both, colours)
             cost = rows * len(each.delta)
-            if each.squares + cost < best.squares - _MORE * explained:
-                found.append((each.squares + 2.0 * cost, joint.candidate, each))
+            if each.squares + cost < (grown if candidate.id == best.score.candidate.id else other):
+                found.append((each.squares + 2.0 * cost, candidate, each))
     return min(found, key=lambda own: own[0])[1:] if found else None
 
 

@@ -25,7 +25,7 @@ _IN_THE_RUNNING, _FAR = 0.3, 100.0
 _NEAR = 16.0
 """Chi-squared by which two candidates must differ to be told apart, and standard errors of the difference."""
 _APART = 2.0
-_NEARLY = 0.05
+NEARLY = 0.05
 """Share of the difference by which candidates beside models that are poor themselves must differ."""
 LEFT = 0.03
 """Share of the difference that a change may leave, significant or not: how far the models themselves are from nature."""
@@ -151,7 +151,7 @@ def simplest_first(trials: list[Trial], null: Joint, poor: bool) -> list[Trial]:
     says the same with more numbers, but for what one does `as_well_as`. Of `poor` models, which lack what both sets have,
     those that explain nearly as much of what `null` leaves are as good."""
     best = trials[0]
-    nearly = _NEARLY * (null.squares - best.joint.squares) if poor else 0.0
+    nearly = NEARLY * (null.squares - best.joint.squares) if poor else 0.0
     near = [best]
     for trial in trials[1:]:
         behind = trial.total - best.total

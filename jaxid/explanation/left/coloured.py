@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from ...estimate.judge import FAR, drivers, step_of
 from ...estimate.jumps import without_jumps
-from ...estimate.noise_colour import Colour, colour_of
+from ...estimate.noise_colour import Colour, colour_of, innovations_related
 from ...estimate.residual_tests import cross_correlation, relation
 from ...logs import LogSet
 from ...logs.noise import usual_size
@@ -41,7 +41,7 @@ class OnlyColour:
     than the robot's inertia would let any force make it; `simple` where it is forgotten soon, or where short autoregressions
     leave nothing of it, as a sensor's filter makes it; `at_rest`: whether it is there while the robot stands (`at_rest.py`),
     None where the logs do not tell. `of_inputs`: the noise of the inputs that makes all of it, where that is what it is.
-    `fed_back`: it follows the motion, as noise does that a controller makes commands of.
+    `fed_back`: it follows the motion, as noise does that a controller makes commands of, and so do its innovations.
     """
 
     colours: dict[str, Colour]
@@ -83,11 +83,11 @@ class OnlyColour:
         return own if self.of_inputs is None else {**own, "noise_of_inputs": self.of_inputs.to_dict()}
 
 
-def related(states: Sequence[tuple[HeldOut, LogSet]], of: Sequence[str]) -> float:
+def related(states: Sequence[tuple[HeldOut, LogSet]], of: Sequence[str], *, fed_back: bool = False) -> float:
     """p value of the residuals of the channels `of` following nothing that drove the robot, on all `states` and their logs.
 
-    Two tests of each channel: regression on drivers against the same shifted in time (`relation`), and of the whitened residual
-    on the inputs of the last samples (`cross_correlation`).
+    Two tests of each channel: regression on drivers against the same shifted in time (`relation`; of what is `fed_back`, its
+    innovations), and of the whitened residual on the inputs of the last samples (`cross_correlation`).
     """
     parts: dict[str, list[Array]] = {name: [] for name in of}
     driving: dict[str, dict[str, list[Array]]] = {name: {} for name in of}
@@ -113,7 +113,8 @@ def related(states: Sequence[tuple[HeldOut, LogSet]], of: Sequence[str]) -> floa
             return 0.0
         inputs = [key for key in same if key in states[0][1].channels.inputs]
         tests = [cross_correlation(own, same[key])[0].p_value for key in inputs]
-        p_values += [relation(own, same)[0], float(np.nanmin([*tests, 1.0])) * max(len(inputs), 1)]
+        test = innovations_related if fed_back else relation
+        p_values += [test(own, same).p_value, float(np.nanmin([*tests, 1.0])) * max(len(inputs), 1)]
     return min(2.0 * len(parts) * min(p_values), 1.0)
 
 
@@ -146,8 +147,8 @@ def only_colour(
     relation to what drove the robot tell, at the level of the first state; else None. Whether a candidate explains it is for
     the screening to say.
 
-    `memory` is the robot's time constant in samples. Of noise that is `fed_back`, which may follow the motion, it is asked
-    whether it changes faster than any force would make it.
+    `memory` is the robot's time constant in samples. Noise that is `fed_back` may follow the motion, where its innovations do
+    not; where these do, too, it is asked whether it changes faster than any force would make it.
     """
     first, _ = states[0]
     if any(state.diverged for state, _ in states) or not np.isfinite(first.normalised_rms):
@@ -160,11 +161,11 @@ def only_colour(
         return None
     level, count = first.false_alarm / GATES, len(coloured)
     # The fitted logs have taken in some of what is missing; the held-out ones, which come first, have not.
-    noise = 1.0
-    for own in () if fed_back else (states[:1], states):
-        noise = min(noise, 2.0 * related(own, list(coloured)))
-        if noise < level:
-            return None
+    noise = min(2.0 * related(own, list(coloured), fed_back=fed_back) for own in (states[:1], states))
+    follows = fed_back and noise < level
+    if noise < level and not fed_back:
+        return None
+    noise = 1.0 if follows else noise
     shape, simple, faster = 1.0, True, True
     for name, colour in coloured.items():
         parts = [without_jumps(own[np.isfinite(own)]) for own in parts_of([state for state, _ in states], name)]
@@ -185,10 +186,10 @@ def only_colour(
         own = own if fast or len(groups) == 1 else 0.0
         shape, simple = min(shape, own), simple and own >= level
         faster &= fast
-    if fed_back and not faster:
+    if follows and not faster:
         return None
     p_value = min(GATES * min(noise, shape), 1.0)
-    return OnlyColour(coloured, simple and not fed_back, faster, p_value, fed_back=fed_back)
+    return OnlyColour(coloured, simple and not follows, faster, p_value, fed_back=follows)
 
 
 def mostly_rounding(states: Sequence[tuple[HeldOut, LogSet]], name: str, colour: Colour) -> bool:

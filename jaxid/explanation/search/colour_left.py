@@ -45,6 +45,9 @@ def colour_left(trial: Trial, logs: LogSet, held_out: LogSet, noise: dict[str, f
     states = states if trial.angles else less_absorbed(trial.robot, states)
     memory = scales.time / scales.interval
     found = only_colour(states, memory)
+    if found is None and not trial.angles and _closed(states):
+        found = only_colour(states, memory, fed_back=True)
+        found = None if found is None or found.fed_back else found
     if trial.angles or any(state.diverged for state, _ in states) or not held_rates(trial.robot).any():
         return found
     still = standing(trial.robot, states)
@@ -61,15 +64,22 @@ def colour_left(trial: Trial, logs: LogSet, held_out: LogSet, noise: dict[str, f
     return replace(found, at_rest=False)
 
 
+def _closed(states: Sequence[tuple[HeldOut, LogSet]]) -> bool:
+    """Whether a controller makes commands of what is left."""
+    if any(state.diverged for state, _ in states):
+        return False
+    residuals = [own for state, _ in states for own in state.residuals]
+    every = [log for _, own in states for log in own]
+    inputs = {name: [log.input(name) for log in every] for name in states[0][1].channels.inputs}
+    return any(feedback(own, residuals, name).closed for name, own in inputs.items())
+
+
 def noise_fed_back(trial: Trial, logs: LogSet, held_out: LogSet, noise: dict[str, float]) -> OnlyColour | None:
     """What `trial` leaves if by its shape it is coloured noise, and a controller makes commands of it; else None."""
     if trial.angles or trial.held_out.diverged or trial.fitted.diverged:
         return None
     states = _states(trial, logs, held_out, noise)
-    residuals = [own for state, _ in states for own in state.residuals]
-    every = [log for _, own in states for log in own]
-    inputs = {name: [log.input(name) for log in every] for name in logs.channels.inputs}
-    if not any(feedback(own, residuals, name).closed for name, own in inputs.items()):
+    if not _closed(states):
         return None
     scales = scales_of(trial.robot, logs)
     return only_colour(states, scales.time / scales.interval, fed_back=True)
