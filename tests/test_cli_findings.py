@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from jaxid import DifferentialDrive, Log, LogSet
+from jaxid import DifferentialDrive, Log, LogSet, read_robot
 from jaxid.cli.findings import warn_of_findings, warn_of_unused
 
 
@@ -19,6 +19,19 @@ def test_columns_of_the_robots_own_sensors_that_a_fit_leaves_out_are_named(capsy
     told = said(capsys, ("v", "w", "v_right", "v_left", "temperature"))
     assert told.startswith("warning: v_right, v_left: not used, since v, w are") and "temperature" not in told
     assert said(capsys, ("v_right", "v_left", "w")) == ""
+
+
+def test_a_speed_that_is_called_otherwise_on_this_robot_is_told_its_name(tmp_path, capsys):
+    path = tmp_path / "cart.toml"
+    path.write_text('name = "cart"\n[parameters]\nr = 0.08\n[wheels]\nleft = { at = [0.0, 0.2] }\nright = { at = [0.0, -0.2] }\n')
+    robot = read_robot(path).for_columns(["t", "u_left", "u_right", "speed_left", "speed_right", "W"])
+    zeros = {name: np.zeros(50) for name in robot.channels.outputs}
+    log = Log.from_arrays(
+        "a", np.arange(50) * 0.02, np.zeros((50, 2)), zeros, robot.channels, extra={"W": np.zeros(50)}
+    )
+    warn_of_unused(robot, LogSet([log]))
+    told = " ".join(capsys.readouterr().err.split())
+    assert told == "warning: W: not used, for the yaw rate of this robot is called w; rename the column, or map it."
 
 
 def rims(name, times):

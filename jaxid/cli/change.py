@@ -13,7 +13,7 @@ from ..robots import Robot
 from .arguments import UnusableInput, load_effects
 from .cache import keep_compiled_programs
 from .console import say, show, step
-from .findings import refuse_useless, warn_of_findings
+from .findings import refuse_useless, warn_of_findings, warn_of_unused
 from .fit import estimate, identifiable
 from .folder import results_in
 
@@ -55,6 +55,7 @@ def run_change(
         say(f"{len(sets[0])} logs before, {len(sets[1])} after")
         for logs, own in zip(sets, held_out, strict=True):
             warn_of_findings(logs, own)
+        warn_of_unused(robot, *sets, *held_out)
         fits = []
         for logs in sets:
             fits.append(without_windows(estimate(robot, logs, options)[-1], logs, say, **options))

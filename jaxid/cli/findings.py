@@ -42,6 +42,15 @@ def warn_of_unused(robot: Robot, *sets: LogSet | None) -> None:
     used = robot.channels.measured
     there = {str(column) for logs in sets for log in logs or () for column in log.extra}
     unused = [name for name in robot.words if name in there and name not in used]
+    # What cannot go sideways has other names for its speeds, in which upper and lower case are easily taken for one.
+    misnamed = {name: name.swapcase() for name in unused if name.swapcase() in {*robot.velocities} - {name} - there}
+    for name, own in misnamed.items():
+        say(
+            f"warning: {name}: not used, for the {robot.words.get(own, own)} of this robot is called {own}; rename the column, "
+            "or map it.",
+            style=_STYLE["warning"],
+        )
+    unused = [name for name in unused if name not in misnamed]
     if unused:
         held = ", ".join(robot.channels.outputs)
         say(
