@@ -23,7 +23,9 @@ def test_columns_of_the_robots_own_sensors_that_a_fit_leaves_out_are_named(capsy
 
 def test_a_speed_that_is_called_otherwise_on_this_robot_is_told_its_name(tmp_path, capsys):
     path = tmp_path / "cart.toml"
-    path.write_text('name = "cart"\n[parameters]\nr = 0.08\n[wheels]\nleft = { at = [0.0, 0.2] }\nright = { at = [0.0, -0.2] }\n')
+    path.write_text(
+        'name = "cart"\n[parameters]\nr = 0.08\n[wheels]\nleft = { at = [0.0, 0.2] }\nright = { at = [0.0, -0.2] }\n'
+    )
     robot = read_robot(path).for_columns(["t", "u_left", "u_right", "speed_left", "speed_right", "W"])
     zeros = {name: np.zeros(50) for name in robot.channels.outputs}
     log = Log.from_arrays(

@@ -68,6 +68,8 @@ class Effect:
     """Whether it is tried by itself; else only where another law of the mechanism, whose `denser` it is, leaves something."""
     only_later: ClassVar[bool] = False
     """Whether all it does is that the same motion is seen later."""
+    ahead: ClassVar[float] = 0.0
+    """Share of what it looks at that is still to come, as where logs were smoothed afterwards."""
     late: ClassVar[bool] = False
     """Whether it is a delay or a lag, so that the motion between samples tells it from others."""
     rather: ClassVar[str] = ""

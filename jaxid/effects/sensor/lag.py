@@ -250,8 +250,6 @@ class MovingAverage(SensorLag):
 
     law: ClassVar[str] = "moving_average"
     formula: ClassVar[str] = "y'(t) = mean of y over (t - window, t)"
-    ahead: ClassVar[float] = 0.0
-    """Share of the window that is still to come."""
 
     def parameters(self, robot: Robot) -> dict[str, Parameter]:
         return positive(self, "window", "s", 0.3 * robot.scales.time)
@@ -284,8 +282,6 @@ class MovingAverageOfEach(SensorLagOfEach):
     stem: ClassVar[str] = "window"
     typical: ClassVar[float] = 0.3
     times: ClassVar[float] = 2.0
-    ahead: ClassVar[float] = 0.0
-    """Share of each window that is still to come."""
 
     def measure(self, outputs, time, p: Numbers, robot: Robot, moving=0.0):
         windows = each_channel(self, p, self.stem, robot)

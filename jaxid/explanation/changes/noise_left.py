@@ -20,6 +20,8 @@ from .whitened import Whitened, answer
 Array = NDArray[np.float64]
 MOST, _TRIED = 4, 3
 """Candidates that are added at most, and how many of the most promising are tried for each."""
+_STEADY = 1e-3
+"""Share of what a candidate changes that may vary within a log where it is the same at all times."""
 _OLD = 1e-8
 """Length, in those of a candidate's coordinates, below which it adds nothing to those before."""
 
@@ -42,14 +44,18 @@ def noise_left(
     seen: Linear, plain: Whitened, every: Sequence[Array], first: Sequence[Changes] = (), most: int = MOST
 ) -> NoiseLeft:
     """What is noise once everything that makes the rest likelier has been taken off, `most` changes of it and `first` in any
-    case; `plain` is all of it in units of white noise, with `every` change's directions."""
+    case; `plain` is all of it in units of white noise, with `every` change's directions. Beyond these it is what never changes
+    within a log that is taken off, a sensor's bias: no noise has a mean, and whitened as slow noise it is gone."""
     taken, basis = tuple(first), basis_of(plain, first)
     left = plain.left - basis @ (basis.T @ plain.left)
     cost, colours = likelihood_cost(seen.pair, plain.shaped(left))
     cost += basis.shape[1] * np.log(len(left))
-    for _ in range(most - len(first)):
+    sides = seen.pair.sides
+    steady = [i for i, own in enumerate(seen.changes) if _steady(own, sides[own.candidate.side].there)]
+    for turn in range(MOST):
         tried = []
-        for i in _promising(seen, plain, every, left, colours):
+        among = range(len(every)) if turn < most - len(first) else steady
+        for i in _promising(seen, plain, every, left, colours, among):
             wider = _with(basis, every[i])
             remains = plain.left - wider @ (wider.T @ plain.left)
             own, their = likelihood_cost(seen.pair, plain.shaped(remains))
@@ -57,6 +63,8 @@ def noise_left(
         best = min(tried, key=lambda own: own[0], default=None)
         # One of many: by chance the best of so many gains twice the logarithm of their number.
         if best is None or best[0] > cost - 2.0 * np.log(len(every)):
+            if turn < most - len(first) and steady and most < MOST:
+                continue
             break
         cost, basis, left, colours, change = best
         taken = (*taken, change)
@@ -92,8 +100,19 @@ def likelihood_cost(pair: Pair, left: Mapping[Side, Array]) -> tuple[float, Colo
     return float(found), colours
 
 
-def _promising(seen: Linear, plain: Whitened, every: Sequence[Array], left: Array, colours: Colours) -> list[int]:
-    """The candidates that explain most of what is `left`, as it is and whitened for noise of these colours."""
+def _steady(change: Changes, there: NDArray[np.bool_]) -> bool:
+    """Whether a candidate moves each reading, where it is `there` [E, T, ny], by as much at all times."""
+    high = np.where(there, change.outputs, -np.inf).max(axis=-2)
+    low = np.where(there, change.outputs, np.inf).min(axis=-2)
+    seen = np.isfinite(high) & np.isfinite(low)
+    size = np.abs(np.where(seen, high, 0.0)).max(initial=0.0)
+    return bool(size > 0.0 and np.where(seen, high - low, 0.0).max(initial=0.0) <= _STEADY * size)
+
+
+def _promising(
+    seen: Linear, plain: Whitened, every: Sequence[Array], left: Array, colours: Colours, among: Sequence[int]
+) -> list[int]:
+    """The candidates `among` these that explain most of what is `left`, as it is and whitened for noise of these colours."""
 
     def whitened(rows: Array) -> Array:
         """Columns [rows, k] filtered."""
@@ -109,8 +128,8 @@ def _promising(seen: Linear, plain: Whitened, every: Sequence[Array], left: Arra
     found: dict[int, None] = {}
     for directions, rest in views:
         gains = [
-            answer(D, rest, change.positive)[1] - D.shape[1] * np.log(len(rest))
-            for D, change in zip(directions, seen.changes, strict=True)
+            answer(directions[i], rest, seen.changes[i].positive)[1] - directions[i].shape[1] * np.log(len(rest))
+            for i in among
         ]
-        found |= dict.fromkeys(int(i) for i in np.argsort(gains)[::-1][:_TRIED])
+        found |= dict.fromkeys(among[k] for k in np.argsort(gains)[::-1][:_TRIED])
     return list(found)

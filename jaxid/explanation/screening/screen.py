@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from ..._float64 import in_float64
 from ...effects.curve import SHAPE, Curve
-from ...estimate.noise_colour import colour_of
+from ...estimate.noise_colour import Colour, colour_of
 from ...logs import LogSet
 from ...robots.effect import Effect
 from ...robots.robot import Robot
@@ -25,6 +25,7 @@ from .probes import seen_in, standing_together
 
 _NO_EDGE = 0.1
 """Share of the farthest of several edges within which another is next to zero."""
+_WHITE = Colour((), 1.0, 0.0)
 _STARTS = 2
 """Starts that an effect with a shape (a line, a speed, a number of periods) is refitted from."""
 _SAME = 1e-3
@@ -92,12 +93,14 @@ def screen(
     known_states: Mapping[str, Mapping[str, float]],
     angles: Angles | None = None,
     report: Callable[[str], None] = lambda message: None,
+    colours: Mapping[str, Colour] | None = None,
 ) -> list[Candidate]:
     """Score `effects`, several laws of a mechanism among them, on a fitted `robot` that lacks them: one candidate for every
     mechanism, best first, by the formula that promises most (by its curve where that promises far more).
 
     `known_states` are estimated initial states, `angles` those of the wheels if they have to be prescribed. `report`
-    is told how far the simulations are.
+    is told how far the simulations are. `colours` are those of the noise, by channel, where it is not to be taken for what the
+    best candidate leaves: of noise that a controller feeds back a delay or a lag explains much that is none.
     """
     own = list(robot.parameters.free_names)
     base = robot.parameters.numbers
@@ -147,7 +150,12 @@ def screen(
         scored.setdefault(group.effect, []).append(
             _Scored(score, group.plain(start), given_way, group, direction, nowhere)
         )
-    in_colour = _in_colour(found, columns, residual + explained[1], whole, moved, len(own), weights)
+    left = np.where(weights > 0, (residual + explained[1]).reshape(weights.shape), np.nan)
+    each = [
+        colour_of(list(left[:, :, i])) if colours is None else colours.get(name, _WHITE)
+        for i, name in enumerate(logs.channels.measured)
+    ]
+    in_colour = _in_colour(found, columns, each, whole, moved, len(own), weights)
     candidates = []
     for tried in scored.values():
         tried.sort(key=lambda entry: -entry.score)
@@ -216,20 +224,18 @@ def _price(group: Group, names: Sequence[str], residual: NDArray) -> float:
 def _in_colour(
     found: Sequence[Group],
     columns: Sequence[list[int]],
-    left: NDArray,
+    colours: Sequence[Colour],
     whole: NDArray,
     moved: NDArray,
     own: int,
     weights: NDArray,
 ) -> dict[Effect, float]:
-    """The gains of effects once all is whitened as what the best one leaves (`left`) asks for; empty where that is white.
+    """The gains of effects once all is whitened for noise of the channels' `colours`; empty where that is white.
 
     `whole` is the residual and `moved` [P, E T ny] the changes, of the `own` fitted parameters first, all in units of the
     noise. Gains are then in units of independent samples, which those of coloured noise are not.
     """
     there = weights > 0
-    parts = np.where(there, left.reshape(weights.shape), np.nan)
-    colours = [colour_of(list(parts[:, :, i])) for i in range(weights.shape[2])]
     if not any(colour.order for colour in colours):
         return {}
 

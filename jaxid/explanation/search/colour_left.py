@@ -167,7 +167,13 @@ def explained_somewhere(
 ) -> bool:
     """Whether a candidate explains part of the whitened residual, on the fitted logs or on these and the held-out ones."""
     states = _states(base, logs, held_out, noise)
-    counted = any(mostly_rounding(states, *own) for own in colours_of([state for state, _ in states]).items())
+    colours = colours_of([state for state, _ in states])
+    counted = any(mostly_rounding(states, *own) for own in colours.items())
+    if not base.angles and _closed(states):
+        # What looks ahead finds there what the controller has made of the noise.
+        causal = [effect for effect in effects if not effect.ahead]
+        again = screen(base.robot, logs, causal, noise, base.initial_states, colours=colours)
+        return bool(explaining(again, counted))
     if explaining(screened, counted) or base.angles:
         return bool(explaining(screened, counted))
     begun = estimated_start(base.robot, held_out, noise)
