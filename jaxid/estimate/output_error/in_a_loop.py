@@ -7,7 +7,7 @@ estimates are those of the whitened residual (a prediction error method with a m
 in an open one: Ljung, System Identification, 1999, section 13.4; Aitken 1935).
 """
 
-from typing import NamedTuple
+from typing import NamedTuple, Self
 
 import numpy as np
 from numpy.typing import NDArray
@@ -55,42 +55,66 @@ def in_a_loop(structure: Structure, problem: Problem, unknowns: Unknowns, logs: 
     )
     if not any(colour.order for colour in colours):
         return None
-    n, at, best = len(structure.names), unknowns, np.inf
-    found = unknowns
+    at, best, found = unknowns, np.inf, unknowns
     for _ in range(_STEPS):
         if not (np.isfinite(residual).all() and np.isfinite(jacobian).all()):
             break
-        r, J = made_white(colours, residual, mask), made_white(colours, jacobian, mask)
-        squares = float(np.sum(r**2))
-        if squares > best:
+        theta = np.asarray(parameters_at(problem, at.z))
+        rows = _Rows.of(
+            problem, theta, np.asarray(at.states), *(made_white(colours, x, mask) for x in (residual, jacobian))
+        )
+        if rows.squares > best:
             break
-        done, best, found = squares > best - _ENOUGH, squares, at
+        done, best, found = rows.squares > best - _ENOUGH, rows.squares, at
         if done:
             break
-        step, states = _step(problem, n, r, J)
-        theta = np.asarray(parameters_at(problem, at.z)) + step
-        at = Unknowns(np.asarray(problem.bounds.coordinates(theta)), np.asarray(at.states) + states)
+        step, states = rows.step()
+        at = Unknowns(np.asarray(problem.bounds.coordinates(theta + step)), np.asarray(at.states) + states)
         residual, jacobian = (np.asarray(x) for x in sensitivities_at(structure, problem, at))
     return InALoop(found, colours)
 
 
-def _step(problem: Problem, n: int, residual: Array, jacobian: Array) -> tuple[Array, Array]:
-    """The step of least squares of the parameters [n] and of every log's initial states [E, s]."""
-    E = len(residual)
-    free, stiff = np.asarray(problem.free), np.asarray(problem.state_precision) * np.asarray(problem.state_scale) ** 2
-    rows, left, answers = [], [], []
-    for e in range(E):
-        J, r = jacobian[e].reshape(-1, jacobian.shape[-1]), residual[e].ravel()
-        own = J[:, n:]
-        local = own.T @ own + np.diag(np.where(np.asarray(problem.state_free[e]), stiff, 1.0))
-        onto = np.linalg.lstsq(local, own.T, rcond=None)[0] if own.shape[1] else np.zeros((0, len(r)))
-        rows.append(J[:, :n][:, free] - own @ (onto @ J[:, :n][:, free]))
-        left.append(r - own @ (onto @ r))
-        answers.append((onto, J[:, :n], r))
-    columns = np.concatenate(rows)
-    size = np.linalg.norm(columns, axis=0)
-    size = np.where(size > 0, size, np.inf)
-    step = np.zeros(n)
-    step[free] = -np.linalg.lstsq(columns / size, np.concatenate(left), rcond=1e-10)[0] / size
-    states = np.stack([-onto @ (r + J @ step) for onto, J, r in answers])
-    return step, np.where(np.asarray(problem.state_free), states, 0.0)
+class _Rows(NamedTuple):
+    """Residuals [R] and their derivatives by the parameters [R, n] and by a log's own initial states [R, s] of every log, its
+    states' priors last; those of the parameters' priors [n]; which parameters are `free` [n], and states [E, s]."""
+
+    logs: list[tuple[Array, Array, Array]]
+    prior: Array
+    stiffness: Array
+    free: NDArray[np.bool_]
+    state_free: NDArray[np.bool_]
+
+    @classmethod
+    def of(cls, problem: Problem, theta: Array, states: Array, residual: Array, jacobian: Array) -> Self:
+        """The rows at parameters `theta` [n] and `states` [E, s], from whitened residuals and sensitivities."""
+        n, s = len(theta), states.shape[1]
+        state_free, free = np.asarray(problem.state_free), np.asarray(problem.free)
+        root = np.sqrt(np.asarray(problem.state_precision)) * np.asarray(problem.state_scale)
+        logs = []
+        for e, own in enumerate(residual):
+            J, pull = jacobian[e].reshape(own.size, -1), np.where(state_free[e], root, 1.0)
+            r = np.concatenate([own.ravel(), np.where(state_free[e], pull * states[e], 0.0)])
+            logs.append((r, np.concatenate([J[:, :n], np.zeros((s, n))]), np.concatenate([J[:, n:], np.diag(pull)])))
+        stiffness = np.where(free, np.sqrt(np.asarray(problem.prior_precision)), 0.0)
+        return cls(logs, stiffness * (theta - np.asarray(problem.prior_mean)), stiffness, free, state_free)
+
+    @property
+    def squares(self) -> float:
+        """The sum of squares, priors included."""
+        return float(sum(np.sum(r**2) for r, _, _ in self.logs) + np.sum(self.prior**2))
+
+    def step(self) -> tuple[Array, Array]:
+        """The step of least squares of the parameters [n] and of every log's initial states [E, s]."""
+        columns, left, onto = [np.diag(self.stiffness)[:, self.free]], [self.prior], []
+        for r, J, own in self.logs:
+            answer = np.linalg.lstsq(own.T @ own, own.T, rcond=None)[0]
+            columns.append(J[:, self.free] - own @ (answer @ J[:, self.free]))
+            left.append(r - own @ (answer @ r))
+            onto.append(answer)
+        matrix = np.concatenate(columns)
+        size = np.linalg.norm(matrix, axis=0)
+        size = np.where(size > 0, size, np.inf)
+        step = np.zeros(len(self.free))
+        step[self.free] = -np.linalg.lstsq(matrix / size, np.concatenate(left), rcond=1e-10)[0] / size
+        states = np.stack([-answer @ (r + J @ step) for answer, (r, J, _) in zip(onto, self.logs, strict=True)])
+        return step, np.where(self.state_free, states, 0.0)

@@ -161,7 +161,11 @@ def only_colour(
         return None
     level, count = first.false_alarm / GATES, len(coloured)
     # The fitted logs have taken in some of what is missing; the held-out ones, which come first, have not.
-    noise = min(2.0 * related(own, list(coloured), fed_back=fed_back) for own in (states[:1], states))
+    noise = 1.0
+    for own in (states[:1], states):
+        noise = min(noise, 2.0 * related(own, list(coloured), fed_back=fed_back))
+        if noise < level:
+            break
     follows = fed_back and noise < level
     if noise < level and not fed_back:
         return None
@@ -186,7 +190,7 @@ def only_colour(
         own = own if fast or len(groups) == 1 else 0.0
         shape, simple = min(shape, own), simple and own >= level
         faster &= fast
-    if follows and not faster:
+    if fed_back and not (faster or (simple and not follows)):
         return None
     p_value = min(GATES * min(noise, shape), 1.0)
     return OnlyColour(coloured, simple and not follows, faster, p_value, fed_back=follows)

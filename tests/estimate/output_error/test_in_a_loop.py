@@ -28,3 +28,10 @@ def test_where_there_is_no_loop_or_no_colour_nothing_is_else(memory, sees_noise)
 def test_what_the_model_lacks_in_a_loop_is_no_colour_of_the_noise():
     fit = output_error(START, driven(12, size=0.03, drag=1.5))
     assert fit.judgement.verdict == "poor" and FED_BACK not in fit.notes
+
+
+def test_what_is_known_beforehand_counts_in_a_loop_too():
+    known = START.change("Fc", prior=(0.8, 0.001))
+    fit = output_error(known, driven(1))
+    assert FED_BACK in fit.notes
+    assert fit["Fc"].std_error < 0.0011 and abs(fit["Fc"].value - 0.8) < 0.004
