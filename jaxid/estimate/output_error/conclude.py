@@ -20,7 +20,7 @@ from ..slow_sensors import no_larger_than_left
 from .bound_conflict import bound_conflicts
 from .by_prediction import related_by_prediction
 from .counted_speeds import counted_speeds
-from .evaluation import simulated
+from .evaluation import cost_at, simulated
 from .from_optimum import AtBounds, fit_at, known_spread
 from .impossible import without_impossible
 from .in_a_loop import in_a_loop
@@ -165,11 +165,11 @@ def conclude(
     if whole is None and read is None and not judgement.white and judgement.verdict != "failed":
         loop = in_a_loop(structure, bounded.problem, optimum.unknowns, logs)
     if loop is not None:
-        there = outputs(bounded.problem, loop.unknowns)
-        fed_back = judge(seen, there, noise, own_error=own_error, fed_back=True)
+        fed_back = judge(seen, outputs(bounded.problem, loop.unknowns), noise, own_error=own_error, fed_back=True)
         # Else it is the model that lacks something, and the colour is that of its errors.
         if fed_back.trustworthy:
-            judgement, optimum = fed_back, optimum._replace(unknowns=loop.unknowns)
+            cost = cost_at(structure, bounded.problem, loop.unknowns)
+            judgement, optimum = fed_back, optimum._replace(unknowns=loop.unknowns, cost=np.asarray(cost))
             bounded = bounded._replace(optimum=optimum)
         else:
             loop = None
@@ -186,8 +186,8 @@ def conclude(
     fit = replace(fit, standard_errors="robust" if robust else "white")
     if judgement.trustworthy and whole is None and integration is not None:
         there, at = bounded.problem, optimum.unknowns
-        asked = {"white": bool(judgement.white), "error": integration, "colours": colours}
-        lacking = neglected(fit.robot, logs, structure, there, at, **asked)
+        noise_is = {"white": bool(judgement.white), "colours": colours}
+        lacking = neglected(fit.robot, logs, structure, there, at, error=integration, **noise_is)
         if lacking is not None and lacking.p_value < FALSE_ALARM:
             marked = lacking.p_value, lacking.moves(fit)
             judgement = replace(judgement.doubted(lacking.sentence(fit)), marked=marked)

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from ..._distributions import f_tail
-from ...logs import LogSet
+from ...logs import Log, LogSet
 from ...simulation.simulate import integrator_for, simulate
 from ..result import Fit
 
@@ -85,6 +85,12 @@ def feedback(inputs: Sequence[Array], residuals: Sequence[Array], name: str = "u
     share = 1.0 - after / before
     statistic = (before - after) / extra / max(after / freedom, np.finfo(float).tiny)
     return Feedback(name, share, float(f_tail(statistic, extra, freedom)))
+
+
+def closed(logs: Sequence[Log], residuals: Sequence[Array], inputs: Sequence[str]) -> bool:
+    """Whether any of the `inputs` of the logs follows their `residuals` ([T, ny] of each, NaN where not measured) beyond
+    doubt."""
+    return any(feedback([log.input(name) for log in logs], residuals, name).closed for name in inputs)
 
 
 def fed_back(fit: Fit | None, logs: LogSet) -> Feedback:

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from ...logs import LogSet
 from ..noise_colour import Colour, colour_of, made_white
 from .evaluation import sensitivities_at
-from .feedback import feedback
+from .feedback import closed
 from .problem import Problem, Structure, Unknowns, parameters_at
 
 Array = NDArray[np.float64]
@@ -34,10 +34,8 @@ class InALoop(NamedTuple):
 def _closed(logs: LogSet, residual: Array, mask: NDArray[np.bool_]) -> bool:
     """Whether any input follows what the model leaves of the outputs, beyond doubt."""
     left = [np.where(mask[e, : len(log)], residual[e, : len(log)], np.nan) for e, log in enumerate(logs)]
-    kept = [e for e, own in enumerate(left) if np.isfinite(own).any()]
-    own = [left[e] for e in kept]
-    every = list(logs)
-    return any(feedback([every[e].input(name) for e in kept], own, name).closed for name in logs.channels.inputs)
+    kept = [(log, own) for log, own in zip(logs, left, strict=True) if np.isfinite(own).any()]
+    return closed([log for log, _ in kept], [own for _, own in kept], logs.channels.inputs)
 
 
 def in_a_loop(structure: Structure, problem: Problem, unknowns: Unknowns, logs: LogSet) -> InALoop | None:

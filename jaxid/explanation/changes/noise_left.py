@@ -52,22 +52,21 @@ def noise_left(
     cost += basis.shape[1] * np.log(len(left))
     sides = seen.pair.sides
     steady = [i for i, own in enumerate(seen.changes) if _steady(own, sides[own.candidate.side].there)]
-    for turn in range(MOST):
-        tried = []
-        among = range(len(every)) if turn < most - len(first) else steady
-        for i in _promising(seen, plain, every, left, colours, among):
-            wider = _with(basis, every[i])
-            remains = plain.left - wider @ (wider.T @ plain.left)
-            own, their = likelihood_cost(seen.pair, plain.shaped(remains))
-            tried.append((own + wider.shape[1] * np.log(len(left)), wider, remains, their, seen.changes[i]))
-        best = min(tried, key=lambda own: own[0], default=None)
-        # One of many: by chance the best of so many gains twice the logarithm of their number.
-        if best is None or best[0] > cost - 2.0 * np.log(len(every)):
-            if turn < most - len(first) and steady and most < MOST:
-                continue
-            break
-        cost, basis, left, colours, change = best
-        taken = (*taken, change)
+    rounds = [(range(len(every)), most - len(first)), (steady, MOST if most < MOST else 0)]
+    for among, times in rounds:
+        for _ in range(times):
+            tried = []
+            for i in _promising(seen, plain, every, left, colours, among):
+                wider = _with(basis, every[i])
+                remains = plain.left - wider @ (wider.T @ plain.left)
+                own, their = likelihood_cost(seen.pair, plain.shaped(remains))
+                tried.append((own + wider.shape[1] * np.log(len(left)), wider, remains, their, seen.changes[i]))
+            best = min(tried, key=lambda own: own[0], default=None)
+            # One of many: by chance the best of so many gains twice the logarithm of their number.
+            if best is None or best[0] > cost - 2.0 * np.log(len(every)):
+                break
+            cost, basis, left, colours, change = best
+            taken = (*taken, change)
     return NoiseLeft(colours, taken, cost)
 
 

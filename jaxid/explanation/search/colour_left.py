@@ -7,7 +7,7 @@ import numpy as np
 
 from ..._distributions import chi_squared_beyond
 from ...estimate.output_error.estimated_start import estimated_start
-from ...estimate.output_error.feedback import feedback
+from ...estimate.output_error.feedback import closed
 from ...logs import LogSet
 from ...robots.effect import Effect
 from ...simulation.scaled import scales_of
@@ -69,9 +69,7 @@ def _closed(states: Sequence[tuple[HeldOut, LogSet]]) -> bool:
     if any(state.diverged for state, _ in states):
         return False
     residuals = [own for state, _ in states for own in state.residuals]
-    every = [log for _, own in states for log in own]
-    inputs = {name: [log.input(name) for log in every] for name in states[0][1].channels.inputs}
-    return any(feedback(own, residuals, name).closed for name, own in inputs.items())
+    return closed([log for _, own in states for log in own], residuals, states[0][1].channels.inputs)
 
 
 def noise_fed_back(trial: Trial, logs: LogSet, held_out: LogSet, noise: dict[str, float]) -> OnlyColour | None:
